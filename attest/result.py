@@ -1,0 +1,28 @@
+"""One finished run: what every writer and report is given."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from attest.estimates import Estimates
+from attest.metrics import Metrics
+from attest.recording import Note, Recording, Reference
+from attest.samples import Samples
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Result:
+    """A log, run through one observer."""
+
+    recording: Recording
+    samples: Samples
+    estimates: Estimates
+    reference: Reference | None
+    """The reference compared with, or None."""
+    metrics: Metrics | None
+    """None without a reference."""
+    configuration: Mapping[str, object]
+    """The effective configuration, JSON-like."""
+    notes: tuple[Note, ...]
+    """Of reading, conditioning and observing together."""
+    summary: Mapping[str, object]
+    """The JSON document of the run, ``schema: 1``."""
