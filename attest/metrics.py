@@ -26,7 +26,7 @@ class Metrics:
     kind: str
     """``truth`` or ``autopilot``."""
     q_ref: NDArray[np.float64]
-    """The reference at the estimate's times, as it was used; NaN where it has none, shape (n, 4)."""
+    """The reference as used, at the estimate's times; NaN where it has none, shape (n, 4)."""
     error_deg: NDArray[np.float64]
     """Total, heading and inclination error, degrees, NaN where not scored, shape (n, 3)."""
     scored: int
@@ -50,6 +50,6 @@ class Metrics:
     misalignment: tuple[float, float, float, float]
     """That rotation as a quaternion (w, x, y, z): q_est ≈ q_ref ⊗ misalignment."""
     bias_true: tuple[float, float, float] | None
-    """Constant gyroscope bias that truth implies, rad/s, body; None where the reference is no truth."""
+    """Constant gyroscope bias that truth implies, rad/s, body; None without truth."""
     bias_error: float | None
-    """|estimated bias - true bias| at the end, rad/s; None where the reference is no truth."""
+    """|estimated bias - true bias| at the end, rad/s; None without truth."""

@@ -14,7 +14,12 @@ World = Literal["ned", "enu"]
 """World axes: north-east-down, or east-north-up."""
 
 Kind = Literal["truth", "autopilot"]
-"""``truth``: motion capture or simulator. ``autopilot``: an on-board estimate of the same sensors."""
+"""``truth``: motion capture or simulator. ``autopilot``: an on-board estimate, same sensors."""
+
+
+def seconds(t: NDArray[np.int64], origin: int) -> NDArray[np.float64]:
+    """Return nanoseconds as seconds from an origin, exact to their last digit for months."""
+    return np.asarray((t - origin) * 1e-9, np.float64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +96,7 @@ class Recording:
     world: World = "ned"
     body: Literal["frd", "flu"] = "frd"
     restarts: tuple[int, ...] = ()
-    """Times at which the log's clock was restarted (reboot), nanoseconds on the recording's clock."""
+    """Times at which the log's own clock started anew (reboot), on the recording's clock, ns."""
     notes: tuple[Note, ...] = ()
     details: Mapping[str, object] = field(default_factory=dict)
     """What only this format can tell, JSON-like: message counts, vehicles seen, damage."""

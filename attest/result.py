@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from attest.estimates import Estimates
 from attest.metrics import Metrics
@@ -24,5 +25,5 @@ class Result:
     """The effective configuration, JSON-like."""
     notes: tuple[Note, ...]
     """Of reading, conditioning and observing together."""
-    summary: Mapping[str, object]
+    summary: Mapping[str, Any]
     """The JSON document of the run, ``schema: 1``."""

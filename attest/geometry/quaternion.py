@@ -37,7 +37,8 @@ def continuous(q: Array) -> Array:
 
 def conjugate(q: Array) -> Array:
     """Inverse of a unit quaternion."""
-    return q * np.array([1.0, -1.0, -1.0, -1.0])
+    inverse: Array = q * np.array([1.0, -1.0, -1.0, -1.0])
+    return inverse
 
 
 def multiply(a: Array, b: Array) -> Array:

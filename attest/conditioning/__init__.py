@@ -1,0 +1,9 @@
+"""From a recording to what an observer steps over.
+
+One timeline at the gyroscope's stamps; each measured vector brought there by the gyroscope; each
+known vector found for the log's place, date and motion.
+"""
+
+from attest.conditioning.condition import condition
+
+__all__ = ["condition"]

@@ -1,0 +1,83 @@
+"""The frame that the gyroscope integrates: it turns with the body's true turn, and drifts slowly.
+
+Vectors are interpolated and smoothed in this frame, where the vehicle's own motion does not blur
+them, and are turned back into the body.
+
+Symbols: D rotation from the body to the gyroscope's frame, as a quaternion.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from attest.geometry import quaternion, so3
+from attest.geometry.jit import kernel
+
+Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+NEVER = np.iinfo(np.int64).max
+
+
+@kernel
+def _integrate(h: Array, gyro: Array, D: Array) -> None:
+    """Fill D (n, 4): D[i+1] = D[i] exp(h[i] (gyro[i] + gyro[i+1])/2)."""
+    q = (1.0, 0.0, 0.0, 0.0)
+    for i in range(len(D)):
+        D[i, 0], D[i, 1], D[i, 2], D[i, 3] = q
+        if i + 1 < len(D):
+            mean = so3.scale(0.5 * h[i], so3.add(so3.row(gyro, i), so3.row(gyro, i + 1)))
+            q = so3.normalize(so3.multiply(q, so3.exp(mean)))
+
+
+def integrate(t: Stamps, gyro: Array) -> Array:
+    """Return the gyroscope's frame at its stamps, body to frame, shape (n, 4)."""
+    D = np.empty((len(t), 4))
+    _integrate(np.diff(t) * 1e-9, gyro, D)
+    return D
+
+
+def at(t: Stamps, D: Array, when: Stamps) -> Array:
+    """Return the frame at other times, held before the first stamp and after the last."""
+    return quaternion.slerp(t, D, np.clip(when, t[0], t[-1]), NEVER)
+
+
+def nearest(stamps: Stamps, at_: Stamps) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return for each time the samples at or before it and at or after it, the ends repeated."""
+    right = np.searchsorted(stamps, at_, side="left")
+    left = np.searchsorted(stamps, at_, side="right") - 1
+    last = len(stamps) - 1
+    return np.clip(left, 0, last), np.clip(right, 0, last)
+
+
+def carry(
+    t: Stamps, D: Array, stamps: Stamps, y: Array, max_age: int
+) -> tuple[Array, NDArray[np.bool_], Stamps]:
+    """Bring vectors measured in the body from their own stamps to those of the gyroscope.
+
+    Parameters
+    ----------
+    t, D
+        Stamps and frame of the gyroscope.
+    stamps, y
+        Stamps and values of the vector, (j,) and (j, 3).
+    max_age
+        Farthest from a sample that a vector is used, nanoseconds.
+
+    Returns
+    -------
+    body : shape (n, 3)
+        Linear in the gyroscope's frame between samples, held in it outside them.
+    valid : shape (n,)
+        Whether a sample is no further than ``max_age``.
+    age : shape (n,)
+        Distance to the nearest sample, nanoseconds.
+    """
+    if np.array_equal(t, stamps):
+        return y, np.ones(len(t), np.bool_), np.zeros(len(t), np.int64)
+    fixed = quaternion.rotate(at(t, D, stamps), y)
+    left, right = nearest(stamps, t)
+    span = stamps[right] - stamps[left]
+    share = np.where(span > 0, (t - stamps[left]) / np.maximum(span, 1), 0.0)[:, np.newaxis]
+    blended = (1.0 - share) * fixed[left] + share * fixed[right]
+    age = np.minimum(np.abs(t - stamps[left]), np.abs(stamps[right] - t))
+    return quaternion.rotate(quaternion.conjugate(D), blended), age <= max_age, age

@@ -1,0 +1,20 @@
+"""Compilation of kernels, cached on disk where there is a disk to cache on."""
+
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
+
+import numba
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def kernel(function: F) -> F:
+    """Compile a function of scalars, tuples and arrays for the machine.
+
+    Compiled code is kept beside the source or in the user's cache folder; where neither can be
+    written, it is compiled anew in each process.
+    """
+    try:
+        return cast(F, numba.njit(cache=True, nogil=True)(function))
+    except RuntimeError:  # numba: "cannot cache function: no locator available"
+        return cast(F, numba.njit(nogil=True)(function))

@@ -1,0 +1,165 @@
+"""SO(3) on scalars and tuples, for kernels.
+
+A vector is a tuple of 3 floats, a matrix a tuple of 9 in rows, a quaternion (w, x, y, z) a tuple of
+4: numba keeps such tuples in registers, so that a step of an observer costs what it costs in C.
+The same source runs in plain Python, bit for bit.
+"""
+
+from math import cos, sin, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from attest.geometry.jit import kernel
+
+Array = NDArray[np.float64]
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+Matrix = tuple[float, float, float, float, float, float, float, float, float]
+
+IDENTITY: Matrix = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+
+
+def as_vector(a: Array) -> Vector:
+    """Return an array (3,) as a vector."""
+    x, y, z = a.tolist()
+    return (x, y, z)
+
+
+def as_quaternion(a: Array) -> Quaternion:
+    """Return an array (4,) as a quaternion."""
+    w, x, y, z = a.tolist()
+    return (w, x, y, z)
+
+
+@kernel
+def dot(a: Vector, b: Vector) -> float:
+    """Inner product a . b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@kernel
+def cross(a: Vector, b: Vector) -> Vector:
+    """Cross product a x b = hat(a) b."""
+    return (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )
+
+
+@kernel
+def add(a: Vector, b: Vector) -> Vector:
+    """Sum a + b."""
+    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
+
+
+@kernel
+def sub(a: Vector, b: Vector) -> Vector:
+    """Difference a - b."""
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
+
+
+@kernel
+def scale(c: float, a: Vector) -> Vector:
+    """Multiple c a."""
+    return (c * a[0], c * a[1], c * a[2])
+
+
+@kernel
+def row(a: Array, i: int) -> Vector:
+    """Row i of an (n, 3) array as a vector."""
+    return (a[i, 0], a[i, 1], a[i, 2])
+
+
+@kernel
+def matmul(A: Matrix, B: Matrix) -> Matrix:
+    """Product A B."""
+    return (
+        A[0] * B[0] + A[1] * B[3] + A[2] * B[6],
+        A[0] * B[1] + A[1] * B[4] + A[2] * B[7],
+        A[0] * B[2] + A[1] * B[5] + A[2] * B[8],
+        A[3] * B[0] + A[4] * B[3] + A[5] * B[6],
+        A[3] * B[1] + A[4] * B[4] + A[5] * B[7],
+        A[3] * B[2] + A[4] * B[5] + A[5] * B[8],
+        A[6] * B[0] + A[7] * B[3] + A[8] * B[6],
+        A[6] * B[1] + A[7] * B[4] + A[8] * B[7],
+        A[6] * B[2] + A[7] * B[5] + A[8] * B[8],
+    )
+
+
+@kernel
+def transpose(A: Matrix) -> Matrix:
+    """Transpose of A."""
+    return (A[0], A[3], A[6], A[1], A[4], A[7], A[2], A[5], A[8])
+
+
+@kernel
+def apply(A: Matrix, v: Vector) -> Vector:
+    """Product A v."""
+    return (
+        A[0] * v[0] + A[1] * v[1] + A[2] * v[2],
+        A[3] * v[0] + A[4] * v[1] + A[5] * v[2],
+        A[6] * v[0] + A[7] * v[1] + A[8] * v[2],
+    )
+
+
+@kernel
+def vex2(A: Matrix) -> Vector:
+    """Return vex(A - A^T) = (A32 - A23, A13 - A31, A21 - A12)."""
+    return (A[7] - A[5], A[2] - A[6], A[3] - A[1])
+
+
+@kernel
+def exp(phi: Vector) -> Quaternion:
+    """Return the unit quaternion of the rotation vector phi, rad (Rodrigues, half angles)."""
+    angle2 = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]
+    if angle2 < 1e-8:  # Taylor: the next terms are below 1e-17
+        w = 1.0 - angle2 / 8.0 + angle2 * angle2 / 384.0
+        k = 0.5 - angle2 / 48.0
+    else:
+        half = 0.5 * sqrt(angle2)
+        w = cos(half)
+        k = 0.5 * sin(half) / half
+    return (w, k * phi[0], k * phi[1], k * phi[2])
+
+
+@kernel
+def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
+    """Hamilton product a b."""
+    return (
+        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
+        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
+    )
+
+
+@kernel
+def conjugate(q: Quaternion) -> Quaternion:
+    """Inverse of a unit quaternion."""
+    return (q[0], -q[1], -q[2], -q[3])
+
+
+@kernel
+def normalize(q: Quaternion) -> Quaternion:
+    """Scale to unit length."""
+    r = 1.0 / sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    return (r * q[0], r * q[1], r * q[2], r * q[3])
+
+
+@kernel
+def matrix(q: Quaternion) -> Matrix:
+    """Rotation matrix of a unit quaternion."""
+    w, x, y, z = q
+    return (
+        1.0 - 2.0 * (y * y + z * z),
+        2.0 * (x * y - w * z),
+        2.0 * (x * z + w * y),
+        2.0 * (x * y + w * z),
+        1.0 - 2.0 * (x * x + z * z),
+        2.0 * (y * z - w * x),
+        2.0 * (x * z - w * y),
+        2.0 * (y * z + w * x),
+        1.0 - 2.0 * (x * x + y * y),
+    )

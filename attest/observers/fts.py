@@ -1,0 +1,202 @@
+"""Finite-time stable attitude and gyroscope bias observer.
+
+[FTS]  A. K. Sanyal, R. R. Warier, R. Hamrah, "Finite time stable attitude and angular velocity bias
+       estimation for rigid bodies with unknown dynamics". Theorem 1, (46)-(52); discrete (92)-(95).
+
+Symbols: R (as a quaternion q), beta_hat estimates of attitude and bias; omega = Omega_m -
+Omega_hat - beta_hat, the error state of the rate; s_L residual, w_L its rate, z_L its
+Hölder-continuous power; Psi = omega - kappa z_L; K weights; a = 1 - 1/p.
+
+Departures from the paper: the constant k_b of (50), (53) and (94) is a setting (its Lyapunov
+argument holds for every k_b > 0); the powers of s_L and Psi are floored, since 0^-a is not finite
+while the terms' limits are.
+"""
+
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from attest.config import Configuration, Section, Weights
+from attest.estimates import Estimates
+from attest.geometry import quaternion, so3, wahba
+from attest.geometry.jit import kernel
+from attest.geometry.so3 import Matrix, Quaternion, Vector
+from attest.observers.observer import Observer, between, inertial, initial_attitude, segments, steps
+from attest.samples import Samples
+
+Array = NDArray[np.float64]
+Numbers = tuple[float, float, float, float, float, float]
+"""k_p, k_v, kappa, mu, a, k_b."""
+
+FLOOR = 1e-30
+"""Least s.s and Psi.Psi that are raised to a negative power."""
+
+
+class Gains(Section):
+    """Gains of [FTS] Theorem 1."""
+
+    k_p: Annotated[float, Field(gt=0)] = 0.2
+    """Attitude gain. More follows the vectors, less the gyroscope."""
+    k_v: Annotated[float, Field(gt=0)] = 3.0
+    """Damping of the rate's error state omega."""
+    kappa: Annotated[float, Field(gt=0)] = 0.1
+    """Finite-time coupling of residual into rate [1/s]. More converges sooner, and is noisier."""
+    mu: Annotated[float, Field(gt=0, lt=1)] = 0.35
+    """Inertia of omega [s]; less follows changes quicker. (0, 1) in Theorem 1."""
+    p: Annotated[float, Field(ge=1, lt=2)] = 1.1
+    """Hölder exponent, [1, 2) in Theorem 1; 1 is the asymptotically stable limit."""
+    k_b: Annotated[float | None, Field(gt=0)] = 50.0
+    """Inertia of the bias [s]; more changes the bias slower. null is the paper's 2 - mu, (94)."""
+
+
+class Config(Configuration):
+    """Configuration of ``fts``; the defaults suit flight logs."""
+
+    observer: str = "fts"
+    gains: Gains = Gains()
+    weights: Weights = Weights(k=(1.2, 1.0, 30.0))
+
+
+@kernel
+def _power(x: Vector, a: float) -> float:
+    """Return (x.x)^-a, floored."""
+    return float(max(so3.dot(x, x), FLOOR) ** -a)
+
+
+@kernel
+def _turn(x: Vector, y: Vector, a: float) -> Vector:
+    """Return H(x) y with H(x) = I - 2a x x^T/(x.x), (52)."""
+    return so3.sub(y, so3.scale(2.0 * a * so3.dot(x, y) / max(so3.dot(x, x), FLOOR), x))
+
+
+@kernel
+def derivatives(
+    s: Vector, w: Vector, omega: Vector, gains: Numbers
+) -> tuple[Vector, Vector, Vector]:
+    """Return beta_hat', omega' and Psi from the residual s = s_L and its rate w = w_L."""
+    k_p, k_v, kappa, mu, a, k_b = gains
+    slope = _power(s, a)
+    Psi = so3.sub(omega, so3.scale(kappa * slope, s))  # (46), (47)
+    beta_dot = so3.scale(k_p / k_b, s)  # (50)
+    pull = so3.sub(so3.scale(k_p, s), so3.scale(k_v * _power(Psi, a), Psi))
+    follow = so3.scale(mu * kappa * slope, _turn(s, w, a))
+    return beta_dot, so3.scale(1.0 / mu, so3.add(pull, follow)), Psi  # (51)
+
+
+@kernel
+def innovation(
+    q: Quaternion, Omega_b: Vector, Omega_hat: Vector, L: Matrix
+) -> tuple[Matrix, Vector, Vector]:
+    """Return B = R^T L, s_L and w_L, (48)."""
+    B = so3.matmul(so3.transpose(so3.matrix(q)), L)
+    return B, wahba.residual(B), wahba.residual_rate(B, Omega_hat, Omega_b)
+
+
+@kernel
+def advance(q: Quaternion, Omega: Vector, h: float) -> Quaternion:
+    """Return R exp(h hat(Omega)), (92)."""
+    return so3.multiply(q, so3.exp(so3.scale(h, Omega)))
+
+
+@kernel
+def run(
+    h: Array,
+    substeps: NDArray[np.int64],
+    gyro: Array,
+    E: Array,
+    U: Array,
+    valid: NDArray[np.bool_],
+    start: tuple[Quaternion, Vector, Vector],
+    K: Vector,
+    gains: Numbers,
+    out: Array,
+) -> None:
+    """Fold (92)-(95) over the steps, right sides at each step; rows of out are the state before it.
+
+    Parameters
+    ----------
+    h, substeps : shape (n,)
+        Length of each step, s, and in how many parts it is taken; the last is not taken.
+    gyro, E, U, valid
+        As in `Samples`.
+    start
+        Tuples q, omega and beta_hat.
+    K, gains
+        Tuples (k1, k2, k3) and (k_p, k_v, kappa, mu, a, k_b).
+    out : shape (n, 13)
+        q (4), Omega_hat (3), beta_hat (3), |s_L|, U, |Psi|.
+    """
+    q, omega, beta = start
+    e, u = np.empty((valid.shape[1], 3)), np.empty((valid.shape[1], 3))
+    for i in range(len(h)):
+        for j in range(substeps[i]):
+            known, seen, Omega_m = between(gyro, E, U, i, j, substeps[i], e, u)
+            L, constant, _ = wahba.gain_matrix(known, seen, valid[i], K)
+            Omega_b = so3.sub(Omega_m, beta)
+            Omega_hat = so3.sub(Omega_b, omega)
+            B, s, w = innovation(q, Omega_b, Omega_hat, L)
+            beta_dot, omega_dot, Psi = derivatives(s, w, omega, gains)
+            if j == 0:
+                row = out[i]
+                row[0], row[1], row[2], row[3] = q
+                row[4], row[5], row[6] = so3.sub(so3.sub(so3.row(gyro, i), beta), omega)
+                row[7], row[8], row[9] = beta
+                row[10] = np.sqrt(so3.dot(s, s))
+                row[11] = wahba.cost(constant, B)
+                row[12] = np.sqrt(so3.dot(Psi, Psi))
+            part = h[i] / substeps[i]
+            q = advance(q, Omega_hat, part)  # (92)
+            omega = so3.add(omega, so3.scale(part, omega_dot))  # (93)
+            beta = so3.add(beta, so3.scale(part, beta_dot))  # (94)
+
+
+def estimate(samples: Samples, config: Config) -> Estimates:
+    """Estimate attitude and gyroscope bias; the bias survives a restart, the rest starts anew."""
+    gains = config.gains
+    k_b = 2.0 - gains.mu if gains.k_b is None else gains.k_b
+    numbers = (gains.k_p, gains.k_v, gains.kappa, gains.mu, 1.0 - 1.0 / gains.p, k_b)
+    out = np.empty((len(samples.t), 13))
+    beta = np.array(config.initial.bias)
+    for part in segments(samples):
+        gyro = samples.gyro[part]
+        q = initial_attitude(samples, part, config.initial)
+        omega = np.zeros(3)
+        if part.start == 0 and config.initial.angular_velocity is not None:
+            omega = gyro[0] - np.array(config.initial.angular_velocity) - beta
+        start = (so3.as_quaternion(q), so3.as_vector(omega), so3.as_vector(beta))
+        vectors = (inertial(samples, part), samples.body[part], samples.valid[part])
+        timeline = (steps(samples, part), samples.substeps[part], gyro)
+        run(*timeline, *vectors, start, config.weights.k, numbers, out[part])
+        beta = out[part.stop - 1, 7:10]
+    return Estimates(
+        observer="fts",
+        t=samples.t,
+        q=quaternion.continuous(out[:, 0:4]),
+        angular_velocity=out[:, 4:7],
+        gyro_bias=out[:, 7:10],
+        s_norm=out[:, 10],
+        cost=out[:, 11],
+        updated=samples.valid,
+        states={"psi_norm": out[:, 12]},
+    )
+
+
+def lyapunov(estimates: Estimates, config: Config, bias: Array) -> Array:
+    """Return V = mu/2 Psi.Psi + k_p U + k_b/2 beta_tilde.beta_tilde, (53), shape (n,)."""
+    gains = config.gains
+    k_b = 2.0 - gains.mu if gains.k_b is None else gains.k_b
+    beta_tilde2 = np.sum((estimates.gyro_bias - bias) ** 2, axis=1)
+    Psi2 = estimates.states["psi_norm"] ** 2
+    V: Array = 0.5 * gains.mu * Psi2 + gains.k_p * estimates.cost + 0.5 * k_b * beta_tilde2
+    return V
+
+
+OBSERVER = Observer(
+    title="Finite-time stable attitude and gyroscope bias",
+    paper="Sanyal, Warier, Hamrah: Theorem 1, (46)-(52), discrete (92)-(95)",
+    config=Config,
+    estimate=estimate,
+    lyapunov=lyapunov,
+)

@@ -1,0 +1,8 @@
+"""What a run found, as the JSON document and as text for a terminal."""
+
+from attest.report.gains import text_of_observer
+from attest.report.info import describe, text_of_info
+from attest.report.summary import summarise
+from attest.report.table import text_of_run
+
+__all__ = ["describe", "summarise", "text_of_info", "text_of_observer", "text_of_run"]

@@ -1,0 +1,125 @@
+"""What is in a log: vehicles, signals, rates, gaps, clocks, references, doubts."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from attest.recording import Note, Recording
+
+GAP = 5
+"""A gap is a step of more than this many times the median."""
+
+UNITS = {
+    "gyro": "rad/s",
+    "accel": "m/s²",
+    "mag": "T",
+    "velocity": "m/s",
+    "position": "deg, deg, m",
+    "torque": "N·m",
+}
+
+
+def describe(recording: Recording) -> dict[str, Any]:
+    """Return what is in a log, JSON-like."""
+    clock = recording.clock
+    return {
+        "path": str(recording.path.resolve()),
+        "format": recording.format,
+        "vehicle": recording.vehicle,
+        "body": recording.body,
+        "world": recording.world,
+        "clock": {"name": clock.name, "utc_offset_ns": clock.utc_offset},
+        "duration_s": _duration(recording),
+        "restarts": len(recording.restarts),
+        "signals": {
+            name: {"source": s.source, "unit": UNITS.get(name, ""), **rhythm(s.t)}
+            for name, s in recording.signals.items()
+        },
+        "references": {
+            name: {"kind": r.kind, **rhythm(r.t)} for name, r in recording.references.items()
+        },
+        "details": dict(recording.details),
+        **notes(recording.notes),
+    }
+
+
+def notes(told: tuple[Note, ...]) -> dict[str, Any]:
+    """Return notes and warnings, JSON-like, in the order they were made."""
+    plain = [{"text": note.text, "count": note.count} for note in told if not note.doubt]
+    doubts = [{"text": note.text, "count": note.count} for note in told if note.doubt]
+    return {"notes": plain, "warnings": doubts}
+
+
+def rhythm(t: NDArray[np.int64]) -> dict[str, Any]:
+    """Return count, rate and gaps of stamps, JSON-like."""
+    if len(t) < 2:
+        return {"count": len(t), "rate_hz": None, "gaps": 0, "longest_gap_s": None}
+    steps = np.diff(t)
+    median = float(np.median(steps))
+    return {
+        "count": len(t),
+        "rate_hz": round(1e9 / median, 3),
+        "gaps": int((steps > GAP * median).sum()),
+        "longest_gap_s": round(float(steps.max()) * 1e-9, 6),
+    }
+
+
+def text_of_info(info: Mapping[str, Any]) -> str:
+    """Return the description as text for a terminal."""
+    clock = info["clock"]
+    utc = "UTC known" if clock["utc_offset_ns"] is not None else "UTC not known"
+    lines = [
+        f"{info['path']}  {info['format']}, {info['duration_s']:.1f} s",
+        f"  vehicle     {info['vehicle'] or 'not named'}",
+        f"  axes        body {info['body'].upper()}, world {info['world'].upper()}",
+        f"  clock       {clock['name']}; {utc}; {counted(info['restarts'], 'restart')}",
+        "",
+        f"  {'signal':12s}{'from':24s}{'count':>9s}{'rate':>11s}{'gaps':>6s}{'longest':>10s}  unit",
+    ]
+    lines += [
+        f"  {name:12s}{s['source']:24s}{_rhythm(s)}  {s['unit']}"
+        for name, s in info["signals"].items()
+    ]
+    lines += [
+        "",
+        f"  {'reference':12s}{'kind':24s}{'count':>9s}{'rate':>11s}{'gaps':>6s}{'longest':>10s}",
+    ]
+    lines += [
+        f"  {name:12s}{r['kind']:24s}{_rhythm(r)}{'  (default)' if not i else ''}"
+        for i, (name, r) in enumerate(info["references"].items())
+    ]
+    if not info["references"]:
+        lines.append("  none: the estimate can be made, but not scored")
+    return "\n".join([*lines, *text_of_notes(info)])
+
+
+def text_of_notes(document: Mapping[str, Any]) -> list[str]:
+    """Return notes and warnings as lines, with a blank one before."""
+    lines = []
+    for mark, key in (("!", "warnings"), ("-", "notes")):
+        lines += [f"  {mark} {_with_count(note)}" for note in document[key]]
+    return ["", *lines] if lines else []
+
+
+def counted(count: int, noun: str) -> str:
+    """Return ``1 restart``, ``2 restarts``, ``no restart``."""
+    return f"{count or 'no'} {noun}{'s' if count > 1 else ''}"
+
+
+def _with_count(note: Mapping[str, Any]) -> str:
+    return f"{note['text']} (×{note['count']:,})" if note["count"] != 1 else str(note["text"])
+
+
+def _rhythm(s: Mapping[str, Any]) -> str:
+    rate = "-" if s["rate_hz"] is None else f"{s['rate_hz']:.1f} Hz"
+    longest = "-" if s["longest_gap_s"] is None else f"{s['longest_gap_s']:.3f} s"
+    return f"{s['count']:>9,d}{rate:>11s}{s['gaps']:>6d}{longest:>10s}"
+
+
+def _duration(recording: Recording) -> float:
+    stamps = [s.t for s in recording.signals.values() if len(s.t)]
+    if not stamps:
+        return 0.0
+    return float(max(t[-1] for t in stamps) - min(t[0] for t in stamps)) * 1e-9

@@ -1,0 +1,106 @@
+"""The JSON document of a run, ``schema: 1``: the contract for scripts."""
+
+import hashlib
+import platform
+from collections.abc import Mapping
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import attest
+from attest.errors import ReadError
+from attest.metrics import Metrics, Statistics
+from attest.report.info import describe, notes
+from attest.result import Result
+
+LIBRARIES = ("numpy", "numba", "pymavlink", "mcap", "rerun-sdk")
+
+
+def summarise(result: Result, timing: Mapping[str, float]) -> dict[str, Any]:
+    """Return the document; only ``timing`` differs between equal runs."""
+    recording = result.recording
+    info = describe(recording)
+    estimates = result.estimates
+    return {
+        "schema": 1,
+        "log": {"sha256": sha256(recording.path)}
+        | {key: value for key, value in info.items() if key not in {"notes", "warnings"}},
+        "observer": estimates.observer,
+        "configuration": result.configuration,
+        "reference": _reference(result),
+        "estimates": {
+            "count": len(estimates.t),
+            "first_ns": int(estimates.t[0]),
+            "last_ns": int(estimates.t[-1]),
+            "gyro_bias": estimates.gyro_bias[-1].tolist(),
+            "lyapunov_growth": _growth(result),
+        },
+        "metrics": None if result.metrics is None else _metrics(result.metrics),
+        "consistency": _consistency(result),
+        **notes(result.notes),
+        "timing": {f"{stage}_s": round(seconds, 4) for stage, seconds in timing.items()},
+        "versions": versions(),
+    }
+
+
+def sha256(path: Path) -> str:
+    """Return the digest of a file.
+
+    Raises
+    ------
+    ReadError
+        The file cannot be read any more.
+    """
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise ReadError(f"{path}: {error.strerror}. It was there when the run began.") from error
+
+
+def versions() -> dict[str, str]:
+    """Return what the numbers depend on."""
+    libraries = {name: version(name) for name in LIBRARIES}
+    return {"attest": attest.__version__, "python": platform.python_version(), **libraries}
+
+
+def _reference(result: Result) -> dict[str, Any] | None:
+    if result.reference is None:
+        return None
+    name, kind = result.reference.name, result.reference.kind
+    return {"name": name, "kind": kind, "independent": kind == "truth"}
+
+
+def _metrics(metrics: Metrics) -> dict[str, Any]:
+    """Return the figures of `Metrics`, without its series."""
+    series = {"q_ref", "error_deg"}
+    figures = {name: getattr(metrics, name) for name in Metrics.__slots__ if name not in series}
+    return {
+        name: asdict(value) if isinstance(value, Statistics) else value
+        for name, value in figures.items()
+    }
+
+
+def _consistency(result: Result) -> dict[str, Any]:
+    """Return what can be said without a reference."""
+    estimates, samples = result.estimates, result.samples
+    used = estimates.updated.mean(axis=0).tolist() if estimates.updated.size else []
+    figures = {
+        "s_norm_rms": float(np.sqrt(np.mean(estimates.s_norm**2))),
+        "cost_mean": float(np.mean(estimates.cost)),
+        "used": dict(zip(samples.names, used, strict=True)),
+    }
+    if "mag" in result.recording.signals:
+        norm = np.linalg.norm(result.recording.signals["mag"].y, axis=1) * 1e6
+        figures["field_ut_median"] = float(np.median(norm))
+        figures["field_ut_spread"] = float(np.percentile(norm, 95) - np.percentile(norm, 5))
+    return figures
+
+
+def _growth(result: Result) -> float | None:
+    """Return the most that the Lyapunov function grew in one step; rounding is right."""
+    V = result.estimates.lyapunov
+    return None if V is None or len(V) < 2 else float(np.diff(V).max())

@@ -1,0 +1,96 @@
+"""A run as text for a terminal."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from attest.report.info import text_of_notes
+
+KINDS = {
+    "truth": "truth",
+    "autopilot": "autopilot: an estimate from the same sensors, not independent, not truth",
+}
+
+
+def text_of_run(summary: Mapping[str, Any], written: Sequence[Path]) -> str:
+    """Return the table of one run."""
+    log, metrics = summary["log"], summary["metrics"]
+    estimates = summary["estimates"]
+    lines = [f"{log['path']}  {summary['observer']}", *_input(log, estimates)]
+    if metrics is None:
+        lines += ["  reference   none: not scored"]
+    else:
+        kind = KINDS[metrics["kind"]]
+        lines += [f"  reference   {metrics['reference']} ({kind})", "", *_errors(metrics), ""]
+        lines += _findings(metrics)
+    lines += _state(summary)
+    lines += text_of_notes(summary)
+    if written:
+        names = " ".join(path.name for path in written)
+        lines += ["", f"  written     {written[0].parent}/  {names}"]
+    return "\n".join(lines)
+
+
+def _input(log: Mapping[str, Any], estimates: Mapping[str, Any]) -> list[str]:
+    signals = ", ".join(
+        f"{name} {s['source']}" + (f" {s['rate_hz']:.1f} Hz" if s["rate_hz"] else "")
+        for name, s in log["signals"].items()
+    )
+    span = (estimates["last_ns"] - estimates["first_ns"]) * 1e-9
+    return [
+        f"  log         {log['format']}, {span:.1f} s, {log['vehicle'] or 'vehicle not named'}",
+        f"  signals     {signals}",
+    ]
+
+
+def _errors(metrics: Mapping[str, Any]) -> list[str]:
+    columns = ("total", "heading", "inclination")
+    lines = ["  error" + " " * 7 + "".join(f"{name:>13s}" for name in columns)]
+    for figure in ("rmse", "mean", "median", "p95", "max"):
+        values = "".join(f"{metrics[name][figure]:12.2f}°" for name in columns)
+        label = "RMSE" if figure == "rmse" else figure
+        lines.append(f"  {label:12s}{values}")
+    return lines
+
+
+def _findings(metrics: Mapping[str, Any]) -> list[str]:
+    """Return what is constant in the error, and how it settled."""
+    flat, offset = metrics["without_heading_offset"]["rmse"], metrics["heading_offset_deg"]
+    bound, settled = f"{metrics['settling_bound_deg']:g}°", metrics["settling_time_s"]
+    late = metrics["time_offset_s"]
+    if settled is None:
+        settling = f"not below {bound} to the end"
+    else:
+        after = metrics["after_settling"]["rmse"]
+        settling = f"{settled:.2f} s to stay below {bound}; RMSE after it {after:.2f}°"
+    clocks = "the motion tells no offset" if late is None else f"reference {late:+.3f} s late"
+    lines = [
+        f"  heading     constant offset {offset:+.2f}°; total RMSE without it {flat:.2f}°",
+        f"  settling    {settling}",
+        f"  clocks      {clocks}",
+        f"  bodies      turned by {metrics['misalignment_deg']:.2f}° against each other",
+    ]
+    if metrics["bias_error"] is not None:
+        true = np.rad2deg(np.array(metrics["bias_true"]))
+        error = np.rad2deg(metrics["bias_error"])
+        lines.append(
+            f"  true bias   {_vector(true)} °/s; estimate's error at the end {error:.3f} °/s"
+        )
+    return lines
+
+
+def _state(summary: Mapping[str, Any]) -> list[str]:
+    bias = np.rad2deg(np.array(summary["estimates"]["gyro_bias"]))
+    consistency = summary["consistency"]
+    used = ", ".join(f"{name} {share:.0%}" for name, share in consistency["used"].items())
+    return [
+        f"  gyro bias   {_vector(bias)} °/s at the end",
+        f"  residual    |s_L| {consistency['s_norm_rms']:.3g} RMS, Wahba cost "
+        f"{consistency['cost_mean']:.3g} mean; used {used or 'no vector'}",
+    ]
+
+
+def _vector(v: Any) -> str:
+    return ", ".join(f"{x:+.3f}" for x in v)
