@@ -38,7 +38,7 @@ Examples:
 @click.version_option(attest.__version__, prog_name="attest")
 @click.option("--debug", is_flag=True, help="Show the traceback of an error.")
 def cli(*, debug: bool) -> None:
-    """Was the attitude right?
+    """Tell whether the attitude was right.
 
     Runs an attitude observer on SO(3) over a log, compares it with a reference, and writes MCAP,
     Rerun and JSON.
@@ -254,6 +254,21 @@ def info(*, logs: tuple[str, ...], vehicle: str | None, world: Any, as_json: boo
             click.echo(json.dumps(described, ensure_ascii=False, allow_nan=False))
         else:
             click.echo(("\n" if i else "") + report.text_of_info(described))
+
+
+@cli.command(epilog="\b\nExample:\n  attest simulate quadcopter -o quadcopter.tlog\n")
+@click.argument("scenario")
+@click.option("--output", "-o", required=True, type=click.Path(path_type=Path), help="File.")
+@click.option("--truth", type=click.Path(path_type=Path), help="True attitude, as CSV.")
+@click.option("--seed", default=0, help="Draws the noise; the same seed gives the same bytes.")
+def simulate(*, scenario: str, output: Path, truth: Path | None, seed: int) -> None:
+    """Make a log with known truth, noise, bias and gaps: quadcopter, fts-7.1."""
+    from attest import simulation
+
+    flight = simulation.simulate(scenario, seed)
+    simulation.write(output, flight)
+    if truth is not None:
+        simulation.write_truth(truth, flight)
 
 
 @cli.command(name="observers", epilog="\b\nExample:\n  attest observers fts\n")

@@ -1,7 +1,7 @@
 """The configuration of a run: YAML, checked before anything is read.
 
 Precedence: code defaults < YAML < ``--set``. What ran is saved with the results and reproduces
-them. An observer's module extends `Configuration` by its gains; everything else is the same for all.
+them. An observer's module extends `Configuration` by its gains; the rest is the same for all.
 """
 
 import json

@@ -86,7 +86,7 @@ def _timeline(recording: Recording, config: Configuration) -> Timeline:
         wanted &= at <= config.input.end_s
     if wanted.sum() < 2:
         raise ReadError(
-            f"{recording.path}: {wanted.sum()} gyroscope samples between start and end, and two are "
+            f"{recording.path}: {wanted.sum()} gyroscope samples between start and end; two are "
             f"needed. The log has {len(at)} over {at[-1]:.1f} s."
         )
     t, y = gyro.t[wanted], gyro.y[wanted]
@@ -96,15 +96,18 @@ def _timeline(recording: Recording, config: Configuration) -> Timeline:
 def _restarts(
     recording: Recording, line: Timeline, config: Conditioning
 ) -> tuple[NDArray[np.bool_], list[Note]]:
-    """Mark the first step and those after a gap that is too long to bridge."""
+    """Mark the first step, and those after a reboot or a gap that is too long to bridge."""
     gaps = np.diff(line.t) > config.restart_gap_s * SECOND
-    restart = np.concatenate([[True], gaps])
+    reboots = np.isin(
+        np.arange(len(line.t)), np.searchsorted(line.t, np.array(recording.restarts, np.int64))
+    )
+    restart = reboots | np.concatenate([[True], gaps])
     notes = []
     if gaps.any():
         text = f"gap of over {config.restart_gap_s:g} s: the observer starts anew after it"
         notes.append(Note(text, int(gaps.sum()), doubt=True))
     period = np.median(np.diff(line.t))
-    bridged = (np.diff(line.t) > 5 * period) & ~gaps
+    bridged = (np.diff(line.t) > 5 * period) & ~restart[1:]
     if bridged.any():
         longest = np.diff(line.t)[bridged].max() * 1e-9
         text = f"gap in the gyroscope bridged by interpolation, the longest {longest:.2f} s"

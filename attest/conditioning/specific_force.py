@@ -66,7 +66,7 @@ def smooth(t: Stamps, stamps: Stamps, y: Array, sigma: float) -> tuple[Array, Ar
     """Return level and slope (per second) of y at times t, by a local line with Gaussian weights.
 
     Evaluated at knots a fifth of ``sigma`` apart and interpolated, so that the cost grows with the
-    number of samples and not with their rate times ``sigma``. NaN where too few samples are in reach.
+    number of samples and not with their rate times ``sigma``. NaN where too few are in reach.
     """
     origin = int(t[0])
     at = seconds(t, origin)

