@@ -6,6 +6,7 @@ Nothing heavy is imported before a command runs: ``attest --help`` is quick.
 import json
 import os
 import sys
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -49,6 +50,8 @@ def cli(*, debug: bool) -> None:
 def main() -> NoReturn:
     """Run the command, and turn what goes wrong into one line and an exit code."""
     debug = "--debug" in sys.argv[1:]
+    if not debug:  # an overflow in a hostile log is dealt with, and no news to the user
+        warnings.simplefilter("ignore", RuntimeWarning)
     try:
         code = cli.main(standalone_mode=False)
     except AttestError as error:

@@ -18,7 +18,12 @@ Stamps = NDArray[np.int64]
 GRAVITY = 9.80665
 """Standard gravity, m/s²; only its direction matters to the observers."""
 SECOND = 1_000_000_000
-MOST_SUBSTEPS = 1000
+MOST_SUBSTEPS = 100
+"""In one step, so that work grows with the log's size and not with the time it spans."""
+SHORTEST, LONGEST = 1e-12, 1e6
+"""Lengths between which a vector is one, in m/s² or tesla or any other unit."""
+FASTEST = 1e3
+"""rad/s; no gyroscope measures a tenth of this."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,10 +55,10 @@ def condition(recording: Recording, config: Configuration) -> tuple[Samples, tup
     ConfigError
         A vector's reference does not suit its signal.
     """
-    line = _timeline(recording, config)
-    restart, notes = _restarts(recording, line, config.conditioning)
+    line, notes = _timeline(recording, config)
+    restart, gaps = _restarts(recording, line, config.conditioning)
     substeps, slow = _substeps(line.t, restart, config.conditioning.max_step_s)
-    notes += slow
+    notes += gaps + slow
     names: list[str] = []
     vectors: list[Measured] = []
     for vector in _vectors(recording, config):
@@ -77,8 +82,8 @@ def condition(recording: Recording, config: Configuration) -> tuple[Samples, tup
     return samples, tuple(notes)
 
 
-def _timeline(recording: Recording, config: Configuration) -> Timeline:
-    """Cut the gyroscope to the time that is asked for."""
+def _timeline(recording: Recording, config: Configuration) -> tuple[Timeline, list[Note]]:
+    """Cut the gyroscope to the time that is asked for, and leave out what it cannot measure."""
     gyro = recording.require("gyro")
     at = seconds(gyro.t, int(gyro.t[0]))
     wanted = at >= (config.input.start_s or 0.0)
@@ -89,8 +94,16 @@ def _timeline(recording: Recording, config: Configuration) -> Timeline:
             f"{recording.path}: {wanted.sum()} gyroscope samples between start and end; two are "
             f"needed. The log has {len(at)} over {at[-1]:.1f} s."
         )
-    t, y = gyro.t[wanted], gyro.y[wanted]
-    return Timeline(t, y, frame.integrate(t, y))
+    sane = wanted & (np.abs(gyro.y).max(axis=1) < FASTEST)
+    wild = int(wanted.sum() - sane.sum())
+    if sane.sum() < 2:
+        raise ReadError(
+            f"{recording.path}: the gyroscope reads over {FASTEST:g} rad/s. Check its unit."
+        )
+    text = f"gyroscope sample of over {FASTEST:g} rad/s left out"
+    notes = [Note(text, wild, doubt=True)] if wild else []
+    t, y = gyro.t[sane], gyro.y[sane]
+    return Timeline(t, y, frame.integrate(t, y)), notes
 
 
 def _restarts(
@@ -136,7 +149,10 @@ def _vectors(recording: Recording, config: Configuration) -> tuple[Vector, ...]:
     """Return the vectors asked for, or those of the two usual ones that the log has."""
     if config.vectors is not None:
         return config.vectors
-    return tuple(Vector(signal=name) for name in ("accel", "mag") if name in recording.signals)
+    usual = (name for name in ("accel", "mag") if name in recording.signals)
+    return tuple(
+        Vector(signal=name) for name in usual if len(_usable(recording.signals[name])[0].t)
+    )
 
 
 def _measure(
@@ -148,6 +164,11 @@ def _measure(
 ) -> tuple[Measured, list[Note]]:
     """Bring one vector to the timeline and find what it is in the world."""
     signal, notes = _usable(recording.require(vector.signal))
+    if not len(signal.t):
+        raise ReadError(
+            f"{recording.path}: {vector.signal!r} has no sample with a direction. "
+            "Name the other 'vectors' only."
+        )
     reference = vector.reference
     if isinstance(reference, tuple):
         known = np.array([reference])
@@ -171,13 +192,12 @@ def _measure(
 
 
 def _usable(signal: Signal) -> tuple[Signal, list[Note]]:
-    """Leave out vectors of no length."""
-    some = np.flatnonzero(signal.y.any(axis=1))
+    """Leave out vectors that have no direction: of no length, or of none that is real."""
+    length = np.abs(signal.y).max(axis=1)
+    some = np.flatnonzero((length > SHORTEST) & (length < LONGEST))
     if len(some) == len(signal.t):
         return signal, []
-    if not len(some):
-        raise ReadError(f"{signal.source}: all values are zero. Leave it out of 'vectors'.")
-    left_out = Note(f"{signal.source} vector of length zero left out", len(signal.t) - len(some))
+    left_out = Note(f"{signal.source} vector of no real length left out", len(signal.t) - len(some))
     return Signal(signal.t[some], signal.y[some], signal.source), [left_out]
 
 

@@ -14,9 +14,10 @@ def kernel(function: F) -> F:
     Compiled code is kept beside the source or in the user's cache folder; where neither can be
     written, it is compiled anew in each process.
     """
-    # numpy's error model: a division by zero gives infinity, and no branch
-    options = {"nogil": True, "error_model": "numpy"}
+    # numpy's error model: a division by zero gives infinity, and costs no branch
+    compiled = numba.njit(nogil=True, error_model="numpy")
     try:
-        return cast(F, numba.njit(cache=True, **options)(function))
+        cached = numba.njit(nogil=True, error_model="numpy", cache=True)
+        return cast(F, cached(function))
     except RuntimeError:  # numba: "cannot cache function: no locator available"
-        return cast(F, numba.njit(**options)(function))
+        return cast(F, compiled(function))

@@ -101,12 +101,20 @@ def from_euler(roll: Array, pitch: Array, yaw: Array) -> Array:
 
 
 def to_euler(q: Array) -> Array:
-    """Roll, pitch and yaw in radians, shape (..., 3), of R = Rz(yaw) Ry(pitch) Rx(roll)."""
+    """Roll, pitch and yaw in radians, shape (..., 3), of R = Rz(yaw) Ry(pitch) Rx(roll).
+
+    By half sum and half difference of roll and yaw, which keep their digits where the nose points
+    straight up or down: the three angles make up the attitude there too.
+    """
     w, x, y, z = np.moveaxis(q, -1, 0)
-    roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-    pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
-    yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    return np.stack([roll, pitch, yaw], axis=-1)
+    half_sum = np.arctan2(x + z, w - y)
+    half_difference = np.arctan2(x - z, w + y)
+    pitch = 2.0 * np.arctan2(np.hypot(x - z, w + y), np.hypot(x + z, w - y)) - 0.5 * np.pi
+    roll, yaw = half_sum + half_difference, half_sum - half_difference
+    turns = 2.0 * np.pi
+    return np.stack(
+        [roll - turns * np.round(roll / turns), pitch, yaw - turns * np.round(yaw / turns)], axis=-1
+    )
 
 
 def to_matrix(q: Array) -> Array:

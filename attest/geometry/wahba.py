@@ -71,7 +71,7 @@ def _at(a: Array, i: int, j: int) -> Vector:
 
 @kernel
 def _widest(E: Array, i: int, valid: NDArray[np.bool_], step: int) -> tuple[int, int]:
-    """Return the first valid vector, and the one most nearly at a right angle to it; -1 for none."""
+    """Return the first valid vector, and the one most at a right angle to it; -1 for none."""
     first, second, widest = -1, -1, MIN_SINE * MIN_SINE
     for j in range(valid.shape[1]):
         if not valid[step, j]:
@@ -148,33 +148,49 @@ def gain_matrices(E: Array, U: Array, valid: NDArray[np.bool_], K: Vector, out: 
     K
         Weights (k1, k2, k3) along the world's axes.
     """
-    k = valid.shape[1]
-    A = np.zeros((k + 1, 3))
+    A = np.zeros((valid.shape[1] + 1, 3))
     first, second, joined = -1, -1, False
     for i in range(len(U)):
         row = i if len(E) > 1 else 0
-        same = i > 0 and len(E) == 1
-        for j in range(k):
-            same = same and valid[i, j] == valid[i - 1, j]
-        if not same:
+        if i == 0 or len(E) > 1 or not _alike(valid, i):
             first, second, joined = _weighting(E, row, valid, i, K, A)
-        L, constant = ZERO, 0.0
-        lone = second < 0
-        if second >= 0:
-            for j in range(k):
-                if valid[i, j]:
-                    L = _outer_sum(L, so3.row(A, j), _at(U, i, j))
-        if joined:
-            u3 = so3.cross(_at(U, i, first), _at(U, i, second))
-            lone = so3.dot(u3, u3) < MIN_SINE * MIN_SINE
-            L = _outer_sum(L, so3.row(A, k), u3)
-        if first >= 0 and lone:
+        L, lone = _combined(A, U, valid, i, (first, second, joined))
+        constant = 0.5 * (K[0] + K[1] + K[2] + _weighted_norm(L, K))
+        if lone:
             L, constant = _one_direction(_at(E, row, first), _at(U, i, first), K)
-        elif first >= 0:
-            constant = 0.5 * (K[0] + K[1] + K[2] + _weighted_norm(L, K))
+        elif first < 0:
+            constant = 0.0
         for a in range(9):
             out[i, a] = L[a]
         out[i, 9] = constant
+
+
+@kernel
+def _alike(valid: NDArray[np.bool_], i: int) -> bool:
+    """Whether step i has the vectors of the step before it."""
+    alike = True
+    for j in range(valid.shape[1]):
+        alike = alike and valid[i, j] == valid[i - 1, j]
+    return alike
+
+
+@kernel
+def _combined(
+    A: Array, U: Array, valid: NDArray[np.bool_], i: int, pair: tuple[int, int, bool]
+) -> tuple[Matrix, bool]:
+    """Return L from the columns of A and the vectors of step i, and whether one direction is all."""
+    first, second, joined = pair
+    L = ZERO
+    if second < 0:
+        return L, first >= 0
+    for j in range(valid.shape[1]):
+        if valid[i, j]:
+            L = _outer_sum(L, so3.row(A, j), _at(U, i, j))
+    if not joined:
+        return L, False
+    u3 = so3.cross(_at(U, i, first), _at(U, i, second))
+    L = _outer_sum(L, so3.row(A, valid.shape[1]), u3)
+    return L, so3.dot(u3, u3) < MIN_SINE * MIN_SINE
 
 
 @kernel
