@@ -1,0 +1,98 @@
+"""Logs of many formats, read into one `Recording`.
+
+A format is one module here with ``recognises(head, path)`` and ``read(path, options)``, and one
+name in `NAMES`. Files are told by what is in them, never by their names.
+"""
+
+from importlib import import_module
+from pathlib import Path
+from typing import Protocol, cast
+
+from attest.errors import ReadError
+from attest.readers.options import ReadOptions
+from attest.recording import Recording
+
+__all__ = ["NAMES", "ReadOptions", "is_log", "read", "recognise"]
+
+NAMES = ("tlog", "csv")
+"""Modules in the order they are asked; imported on use."""
+HEAD = 1 << 16
+"""Bytes that a reader may look at to recognise a file."""
+
+
+class _Reader(Protocol):
+    def recognises(self, head: bytes, path: Path) -> bool:
+        """Whether the file is of this format."""
+
+    def read(self, path: Path, options: ReadOptions) -> Recording:
+        """Read the whole log."""
+
+
+def recognise(path: Path) -> str:
+    """Return the name of the reader for a file.
+
+    Raises
+    ------
+    ReadError
+        There is no such file, or no reader knows it.
+    """
+    head = _head(path)
+    for name in NAMES:
+        if _reader(name).recognises(head, path):
+            return name
+    formats = ", ".join(NAMES)
+    raise ReadError(
+        f"{path}: not a log that attest knows ({formats}). Check that it is the file you meant."
+    )
+
+
+def is_log(path: Path) -> bool:
+    """Whether some reader knows the file."""
+    try:
+        recognise(path)
+    except ReadError:
+        return False
+    return True
+
+
+def read(path: Path, options: ReadOptions | None = None) -> Recording:
+    """Read a log of any known format.
+
+    Raises
+    ------
+    ReadError
+        The log cannot be read or holds nothing to work with.
+    ConfigError
+        The options ask for what the log does not hold.
+    """
+    name = recognise(path)
+    try:
+        return _reader(name).read(path, options or ReadOptions())
+    except OSError as error:
+        raise _unreadable(path, error) from error
+
+
+def _reader(name: str) -> _Reader:
+    return cast(_Reader, import_module(f"attest.readers.{name}"))
+
+
+def _head(path: Path) -> bytes:
+    if path.is_dir():
+        raise ReadError(f"{path}: a folder, and no log in this folder was named. Give a log file.")
+    if path.exists() and not path.is_file():
+        raise ReadError(f"{path}: not a regular file. Give a log file.")
+    try:
+        with path.open("rb") as file:
+            head = file.read(HEAD)
+    except (OSError, ValueError) as error:
+        raise _unreadable(path, error) from error
+    if not head:
+        raise ReadError(f"{path}: the file is empty. Record or copy the log again.")
+    return head
+
+
+def _unreadable(path: Path, error: Exception) -> ReadError:
+    if isinstance(error, FileNotFoundError):
+        return ReadError(f"{path}: no such file. Check the path.")
+    reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    return ReadError(f"{path}: cannot be read: {reason}. Check the file and its permissions.")
