@@ -1,0 +1,46 @@
+"""What a scenario makes: the truth, and what the sensors made of it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from attest.recording import Signal, World
+
+Array = NDArray[np.float64]
+Times = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Flight:
+    """One simulated flight; times are nanoseconds since the vehicle was switched on."""
+
+    scenario: str
+    seed: int
+    t: Times
+    """Times of the truth, strictly increasing, shape (n,)."""
+    q: Array
+    """True attitude (w, x, y, z), body to world, shape (n, 4)."""
+    omega: Array
+    """True angular velocity in the body, rad/s, shape (n, 3)."""
+    position: Array
+    """True position from home in the world, m, shape (n, 3)."""
+    velocity: Array
+    """True velocity in the world, m/s, shape (n, 3)."""
+    signals: Mapping[str, Signal]
+    """What the sensors gave, named and scaled as in a Recording."""
+    autopilot: Array | None = None
+    """The attitude that the autopilot believes in at the times of the truth, shape (n, 4)."""
+    utc_offset: int | None = None
+    """Nanoseconds to add to reach UTC since 1970."""
+    outages: tuple[tuple[int, int], ...] = ()
+    """From and until when nothing was received."""
+    constants: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    """True constants by name, such as ``gyro_bias`` in rad/s."""
+    world: World = "ned"
+
+    def received(self, t: Times) -> NDArray[np.bool_]:
+        """Tell which of these times lie outside the outages."""
+        inside = [(start <= t) & (t < end) for start, end in self.outages]
+        return ~np.any(inside, axis=0) if inside else np.ones(len(t), np.bool_)
