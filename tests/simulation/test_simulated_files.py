@@ -167,4 +167,4 @@ def test_what_cannot_be_made_is_one_line(tmp_path, flight):
 def test_naming_the_scenarios_imports_nothing_heavy():
     code = "import sys, attest.simulation as s; s.NAMES; sys.exit('numpy' in sys.modules)"
     root = Path(simulation.__file__).parents[2]
-    subprocess.run([sys.executable, "-c", code], check=True, cwd=root)  # noqa: S603 - our own code
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=root)
