@@ -17,6 +17,10 @@ GROUND_STATION = 6
 """MAV_TYPE value."""
 
 
+KNOWN = {"ardupilotmega": "ArduPilot", "px4": "PX4", "invalid": "", "gcs": "ground station"}
+"""What people call what the enumerations call otherwise."""
+
+
 @dataclass(frozen=True, slots=True)
 class Sender:
     """One system and component that sent something."""
@@ -54,7 +58,10 @@ def _word(enum: str, value: int | None) -> str:
     from pymavlink.dialects.v20 import ardupilotmega
 
     entry = ardupilotmega.enums[enum].get(value)
-    return "" if entry is None else entry.name.removeprefix(f"{enum}_").replace("_", " ").lower()
+    if entry is None:
+        return ""
+    word = entry.name.removeprefix(f"{enum}_").replace("_", " ").lower()
+    return KNOWN.get(word, word)
 
 
 def senders(scan: Scan) -> list[Sender]:

@@ -1,6 +1,7 @@
 """What is in a log: vehicles, signals, rates, gaps, clocks, references, doubts."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -71,8 +72,9 @@ def text_of_info(info: Mapping[str, Any]) -> str:
     clock = info["clock"]
     utc = "UTC known" if clock["utc_offset_ns"] is not None else "UTC not known"
     lines = [
-        f"{info['path']}  {info['format']}, {info['duration_s']:.1f} s",
+        f"{shown(info['path'])}  {info['format']}, {info['duration_s']:.1f} s",
         f"  vehicle     {info['vehicle'] or 'not named'}",
+        *_senders(info["details"]),
         f"  axes        body {info['body'].upper()}, world {info['world'].upper()}",
         f"  clock       {clock['name']}; {utc}; {counted(info['restarts'], 'restart')}",
         "",
@@ -101,6 +103,22 @@ def text_of_notes(document: Mapping[str, Any]) -> list[str]:
     for mark, key in (("!", "warnings"), ("-", "notes")):
         lines += [f"  {mark} {_with_count(note)}" for note in document[key]]
     return ["", *lines] if lines else []
+
+
+def _senders(details: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a line for each sender of a log that has several."""
+    senders = details.get("senders", [])
+    for sender in senders if len(senders) > 1 else []:
+        what = str(sender["what"]).split(", system")[0]
+        yield f"              {sender['id']:9s}{what}, {sender['messages']:,} messages"
+
+
+def shown(path: str) -> str:
+    """Return a path as people write it: relative where it lies below the working folder."""
+    try:
+        return str(Path(path).relative_to(Path.cwd()))
+    except (ValueError, OSError):  # elsewhere, or the working folder is gone
+        return path
 
 
 def counted(count: int, noun: str) -> str:

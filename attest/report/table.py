@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from attest.report.info import text_of_notes
+from attest.report.info import shown, text_of_notes
 
 KINDS = {
     "truth": "truth",
@@ -18,7 +18,7 @@ def text_of_run(summary: Mapping[str, Any], written: Sequence[Path]) -> str:
     """Return the table of one run."""
     log, metrics = summary["log"], summary["metrics"]
     estimates = summary["estimates"]
-    lines = [f"{log['path']}  {summary['observer']}", *_input(log, estimates)]
+    lines = [f"{shown(log['path'])}  {summary['observer']}", *_input(log, estimates)]
     if metrics is None:
         lines += ["  reference   none: not scored"]
     else:
@@ -34,15 +34,14 @@ def text_of_run(summary: Mapping[str, Any], written: Sequence[Path]) -> str:
 
 
 def _input(log: Mapping[str, Any], estimates: Mapping[str, Any]) -> list[str]:
-    signals = ", ".join(
-        f"{name} {s['source']}" + (f" {s['rate_hz']:.1f} Hz" if s["rate_hz"] else "")
-        for name, s in log["signals"].items()
-    )
     span = (estimates["last_ns"] - estimates["first_ns"]) * 1e-9
-    return [
-        f"  log         {log['format']}, {span:.1f} s, {log['vehicle'] or 'vehicle not named'}",
-        f"  signals     {signals}",
-    ]
+    rates: dict[str, list[str]] = {}
+    for name, signal in log["signals"].items():
+        rate = f" at {signal['rate_hz']:.1f} Hz" if signal["rate_hz"] else ""
+        rates.setdefault(signal["source"] + rate, []).append(name)
+    sources = [f"{', '.join(names)} of {source}" for source, names in rates.items()]
+    first = f"  log         {log['format']}, {span:.1f} s, {log['vehicle'] or 'vehicle not named'}"
+    return [first, *(f"  {'signals' if not i else '':12s}{s}" for i, s in enumerate(sources))]
 
 
 def _errors(metrics: Mapping[str, Any]) -> list[str]:
@@ -65,12 +64,12 @@ def _findings(metrics: Mapping[str, Any]) -> list[str]:
     else:
         after = metrics["after_settling"]["rmse"]
         settling = f"{settled:.2f} s to stay below {bound}; RMSE after it {after:.2f}°"
-    clocks = "the motion tells no offset" if late is None else f"reference {late:+.3f} s late"
+    clocks = "the motion tells no offset" if late is None else f"reference late by {late:+.3f} s"
     lines = [
         f"  heading     constant offset {offset:+.2f}°; total RMSE without it {flat:.2f}°",
         f"  settling    {settling}",
         f"  clocks      {clocks}",
-        f"  bodies      turned by {metrics['misalignment_deg']:.2f}° against each other",
+        f"  mounting    constant turn of {metrics['misalignment_deg']:.2f}° between the two bodies",
     ]
     if metrics["bias_error"] is not None:
         true = np.rad2deg(np.array(metrics["bias_true"]))

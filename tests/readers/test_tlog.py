@@ -79,7 +79,7 @@ BOOTS = np.arange(100, 110, 0.1)
 def test_units_and_axes(tmp_path):
     recording = flight(BOOTS).add(heartbeat(), 110).read(tmp_path)
     assert (recording.format, recording.world, recording.body) == ("tlog", "ned", "frd")
-    assert recording.vehicle == "ardupilotmega quadrotor, system 1, component 1"
+    assert recording.vehicle == "ArduPilot quadrotor, system 1, component 1"
     assert_allclose(recording.signals["gyro"].y[0], [0.01, 0.02, 0.03])
     assert_allclose(recording.signals["accel"].y[0], [0, 0, -9.80665])
     assert_allclose(recording.signals["mag"].y[0], [2e-5, 0, 4e-5])
