@@ -22,6 +22,19 @@ LARGEST_FILE = 1 << 20
 """Bytes; no configuration is larger, and YAML takes memory many times its size."""
 
 
+_NOT_YAML = (yaml.YAMLError, ValueError, LookupError, AttributeError, TypeError, RecursionError)
+"""What PyYAML raises over text that is no YAML, or that is tagged as what it is not."""
+
+
+class _Loader(yaml.SafeLoader):
+    """Plain values without aliases: a dozen lines of them can stand for billions of values."""
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        if self.check_event(yaml.AliasEvent):
+            raise yaml.YAMLError("aliases (*name) are not taken")
+        return super().compose_node(parent, index)
+
+
 class Section(BaseModel):
     """A group of keys: unknown keys and infinities are refused, values never change."""
 
@@ -209,12 +222,12 @@ def read(path: Path) -> dict[str, Any]:
     try:
         if path.stat().st_size > LARGEST_FILE:
             raise ConfigError(f"{path}: over 1 MiB. A configuration is a small YAML file.")
-        document = yaml.safe_load(path.read_text(encoding="utf-8-sig"))
+        document = _parse(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise ConfigError(
             f"{path}: {error.strerror}. Name a YAML file that can be read."
         ) from error
-    except (yaml.YAMLError, UnicodeDecodeError, ValueError, RecursionError) as error:
+    except _NOT_YAML as error:
         reason = " ".join(str(error).split())[:200]
         raise ConfigError(f"{path}: not YAML: {reason}. See `attest config show fts`.") from error
     if not isinstance(document, dict):
@@ -238,8 +251,8 @@ def override(document: Mapping[str, Any], assignments: Iterable[str]) -> dict[st
         if not equals or not dotted.strip():
             raise ConfigError(f"--set {assignment}: write it as key=value, such as gains.k_p=2.")
         try:
-            value = yaml.safe_load(text)
-        except yaml.YAMLError as error:
+            value = _parse(text)
+        except _NOT_YAML as error:
             raise ConfigError(f"--set {assignment}: the value is not YAML.") from error
         _assign(merged, dotted.strip().split("."), value, assignment)
     return merged
@@ -272,6 +285,10 @@ def dump(configuration: Configuration) -> str:
     return yaml.safe_dump(effective(configuration), sort_keys=False, default_flow_style=None)
 
 
+def _parse(text: str) -> Any:
+    return yaml.load(text, Loader=_Loader)  # noqa: S506 - a SafeLoader
+
+
 def _names() -> str:
     return ", ".join(shipped())
 
@@ -290,25 +307,35 @@ def _assign(document: dict[str, Any], keys: list[str], value: Any, assignment: s
 def _explain(model: type[BaseModel], error: ValidationError) -> str:
     """Say the first error in one line: the key, what was given, what is allowed."""
     errors = error.errors(include_url=False)
-    # of a union, the branch whose type was right tells most
-    first = next((e for e in errors if e["type"] == "extra_forbidden"), errors[0])
-    keys = [key for key in first["loc"] if not isinstance(key, str) or _is_key(key)]
+    unknown = next((e for e in errors if e["type"] == "extra_forbidden"), None)
+    if unknown is not None:
+        return _unknown_key(model, unknown["loc"])
+    first = errors[0]
+    keys = _keys(first["loc"])
     dotted = ".".join(map(str, keys))
-    if first["type"] == "extra_forbidden":
-        known = _known(model, keys[:-1])
-        near = get_close_matches(str(keys[-1]), known, n=1, cutoff=0.5)
-        hint = f"Did you mean {near[0]!r}? " if near else ""
-        return f"unknown key {dotted!r}. {hint}Known: {', '.join(known)}."
-    wanted = first["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
-    others = {
-        e["msg"].removeprefix("Input should be ")
-        for e in errors
-        if list(e["loc"][: len(keys)]) == keys
-    }
-    if len(others) > 1 and first["type"] != "value_error":
-        wanted = " or ".join(dict.fromkeys([wanted, *sorted(others)]))
+    if first["type"] == "missing":
+        return f"{dotted!r} is missing. Add it."
     given = json.dumps(first["input"], default=str)[:80]
-    return f"{dotted!r} is {given}. It must be: {wanted}."
+    if first["type"] == "value_error":
+        return f"{dotted!r} is {given}: {first['msg'].removeprefix('Value error, ')}."
+    # of a union, each branch says what it allows
+    allowed = [e["msg"].removeprefix("Input should be ") for e in errors if _keys(e["loc"]) == keys]
+    return f"{dotted!r} is {given}. It must be: {' or '.join(dict.fromkeys(allowed))}."
+
+
+def _unknown_key(model: type[BaseModel], loc: tuple[int | str, ...]) -> str:
+    """Name the key, the nearest known one, and all that are known in its place."""
+    outer, key = _keys(loc[:-1]), str(loc[-1])
+    known = _known(model, outer)
+    near = get_close_matches(key, known, n=1, cutoff=0.5)
+    hint = f"Did you mean {near[0]!r}? " if near else ""
+    dotted = ".".join(map(str, [*outer, key]))
+    return f"unknown key {dotted!r}. {hint}Known: {', '.join(known)}."
+
+
+def _keys(loc: tuple[int | str, ...]) -> list[int | str]:
+    """Leave the names of a union's branches out of pydantic's location."""
+    return [key for key in loc if not isinstance(key, str) or _is_key(key)]
 
 
 def _is_key(part: str) -> bool:

@@ -11,7 +11,6 @@ import numpy as np
 
 from attest import conditioning, config, evaluation, observers, readers, report, writers
 from attest.config import Configuration
-from attest.errors import ReadError
 from attest.estimates import Estimates
 from attest.metrics import Metrics
 from attest.observers.observer import Observer
@@ -61,7 +60,6 @@ def run(log: Path, configuration: Configuration, on_stage: OnStage | None = None
         samples, conditioned = conditioning.condition(recording, configuration)
     with _stage("observing", timing, on_stage):
         estimates = observer.estimate(samples, configuration)
-        _refuse_nonsense(log, estimates)
     with _stage("evaluating", timing, on_stage):
         metrics, scored = evaluation.evaluate(
             samples, estimates, reference, configuration.evaluation
@@ -124,18 +122,6 @@ def _with_lyapunov(
         return estimates
     V = observer.lyapunov(estimates, configuration, np.array(metrics.bias_true))
     return replace(estimates, lyapunov=V)
-
-
-def _refuse_nonsense(log: Path, estimates: Estimates) -> None:
-    """Refuse an estimate that is not finite, so that no output holds NaN for an attitude."""
-    numbers = (estimates.q, estimates.angular_velocity, estimates.gyro_bias)
-    lost = ~np.all([np.isfinite(x).all(axis=1) for x in numbers], axis=0)
-    if lost.any():
-        at = (estimates.t[int(lost.argmax())] - estimates.t[0]) * 1e-9
-        raise ReadError(
-            f"{log}: the estimate of {estimates.observer!r} is not finite from {at:.3f} s on. "
-            "Lower its gains, or leave that part out with --end."
-        )
 
 
 @contextmanager

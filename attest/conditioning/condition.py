@@ -9,7 +9,7 @@ from attest.conditioning import frame, latency, magnetic, specific_force
 from attest.config import Conditioning, Configuration, Vector
 from attest.errors import ConfigError, ReadError
 from attest.geometry import quaternion
-from attest.recording import Note, Recording, Signal, seconds
+from attest.recording import Note, Recording, Signal, World, seconds
 from attest.samples import Samples
 
 Array = NDArray[np.float64]
@@ -22,6 +22,8 @@ MOST_SUBSTEPS = 100
 """In one step, so that work grows with the log's size and not with the time it spans."""
 SHORTEST, LONGEST = 1e-12, 1e6
 """Lengths between which a vector is one, in m/s² or tesla or any other unit."""
+VERTICAL = 0.99
+"""Cosine from which a known vector is taken as straight up, 8°: in a turn, a - g is not."""
 FASTEST = 1e3
 """rad/s; no gyroscope measures a tenth of this."""
 
@@ -293,10 +295,7 @@ def _field(
     recording: Recording, mag: Measured, before: list[Measured], reference: str | None
 ) -> tuple[Array, list[Note]]:
     """Return the field's direction in the world, shape (3,)."""
-    dip = None
-    if before:
-        both = mag.valid & before[0].valid
-        dip = magnetic.dip_of_log(before[0].body[both], mag.body[both])
+    dip = _dip_of_log(mag, before, recording.world)
     model = None if reference == "north" else magnetic.field(recording)
     if model is None:
         if reference == "magnetic":
@@ -304,10 +303,13 @@ def _field(
                 f"{recording.path}: no position, which 'magnetic' needs. "
                 "Use 'reference: north' for 'mag'."
             )
-        text = (
-            f"magnetic reference: magnetic north, dip {np.rad2deg(dip or 0.0):+.1f}° as in the log"
-        )
-        return magnetic.north(dip or 0.0, recording.world), [Note(text, doubt=reference is None)]
+        if dip is None:
+            told = "dip taken as 0, since no vertical tells it"
+        else:
+            told = f"dip {np.rad2deg(dip):+.1f}° as in the log"
+        doubt = reference is None or dip is None
+        note = Note(f"magnetic reference: magnetic north, {told}", doubt=doubt)
+        return magnetic.north(dip or 0.0, recording.world), [note]
     field_w, notes = model
     modelled = magnetic.dip_of(field_w, recording.world)
     if dip is None or abs(np.rad2deg(dip - modelled)) <= magnetic.DIP_TOLERANCE_DEG:
@@ -317,6 +319,17 @@ def _field(
         f"{np.rad2deg(modelled):+.1f}°: the log's is used, and its heading is doubtful"
     )
     return magnetic.with_dip(field_w, dip, recording.world), [*notes, Note(text, doubt=True)]
+
+
+def _dip_of_log(mag: Measured, before: list[Measured], world: World) -> float | None:
+    """Return the field's dip against the vertical, where a vector is known to be (nearly) that."""
+    up = -1.0 if world == "ned" else 1.0
+    for vector in before:
+        vertical = np.broadcast_to(up * vector.inertial[:, 2] > VERTICAL, mag.valid.shape)
+        both = mag.valid & vector.valid & vertical
+        if both.any():
+            return magnetic.dip_of_log(vector.body[both], mag.body[both])
+    return None
 
 
 def _unit(v: Array) -> Array:

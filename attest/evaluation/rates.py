@@ -15,6 +15,8 @@ SMOOTHING = 0.1
 """Rates are compared as means over this long at least, s."""
 CORRELATION = 0.7
 """Least correlation at which an offset is believed."""
+MOST_TIMES = 20_000
+"""Rates are compared at so many times at the most."""
 ENOUGH = 0.02
 """Least standard deviation of |Omega|, rad/s, at which an offset can be told."""
 
@@ -55,7 +57,7 @@ def time_offset(
     span = (min(int(t[-1]), int(middle[-1])) - origin) * 1e-9
     if span < 5.0 * LONGEST_OFFSET:
         return None
-    grid = np.arange(LONGEST_OFFSET, span - LONGEST_OFFSET, max(step / 2.0, span / 100_000))
+    grid = np.arange(LONGEST_OFFSET, span - LONGEST_OFFSET, max(step / 2.0, span / MOST_TIMES))
     ours = _mean_over(grid, seconds(t, origin), speed, step)
     if np.std(ours) < ENOUGH:
         return None

@@ -178,7 +178,7 @@ def _alike(valid: NDArray[np.bool_], i: int) -> bool:
 def _combined(
     A: Array, U: Array, valid: NDArray[np.bool_], i: int, pair: tuple[int, int, bool]
 ) -> tuple[Matrix, bool]:
-    """Return L from the columns of A and the vectors of step i, and whether one direction is all."""
+    """Return L from the columns of A and the vectors of step i; and if one direction is all."""
     first, second, joined = pair
     L = ZERO
     if second < 0:

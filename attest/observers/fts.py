@@ -29,6 +29,7 @@ from attest.observers.observer import (
     between,
     gain_matrices,
     initial_attitude,
+    refuse_divergence,
     segments,
     steps,
 )
@@ -174,6 +175,7 @@ def estimate(samples: Samples, config: Config) -> Estimates:
         L = gain_matrices(samples, part, config.weights.k)
         run(steps(samples, part), samples.substeps[part], gyro, L, start, numbers, out[part])
         beta = out[part.stop - 1, 7:10]
+    refuse_divergence("fts", samples, out)
     return Estimates(
         observer="fts",
         t=samples.t,

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from attest.config import Configuration, Initial
+from attest.errors import ConfigError
 from attest.estimates import Estimates
 from attest.geometry import quaternion, so3, wahba
 from attest.geometry.jit import kernel
@@ -60,6 +61,25 @@ def initial_attitude(samples: Samples, part: slice, initial: Initial) -> Array:
     valid = samples.valid[part.start]
     known = samples.inertial[0 if len(samples.inertial) == 1 else part.start][valid]
     return wahba.attitude(known, samples.body[part.start][valid])
+
+
+def refuse_divergence(name: str, samples: Samples, states: Array) -> None:
+    """Refuse states (n, j) that are not all finite, so that no output holds NaN for an attitude.
+
+    Raises
+    ------
+    ConfigError
+        Explicit steps diverge where the gains are too high for their length.
+    """
+    if np.isfinite(np.sum(states)):  # one pass; a sum that overflows is looked at below
+        return
+    lost = np.flatnonzero(~np.isfinite(states).all(axis=1))
+    if lost.size:
+        after = float(samples.t[lost[0]] - samples.t[0]) * 1e-9
+        raise ConfigError(
+            f"{name}: the estimate is no number any more after {after:.2f} s: the gains are too high "
+            "for the steps. Lower the gains or conditioning.max_step_s."
+        )
 
 
 @kernel

@@ -61,7 +61,7 @@ def _word(enum: str, value: int | None) -> str:
     if entry is None:
         return ""
     word = entry.name.removeprefix(f"{enum}_").replace("_", " ").lower()
-    return KNOWN.get(word, word)
+    return str(KNOWN.get(word, word))
 
 
 def senders(scan: Scan) -> list[Sender]:
