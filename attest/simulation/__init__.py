@@ -9,13 +9,12 @@ A scenario is one module with ``simulate(seed)``, imported when asked for, and o
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 from importlib import import_module
-from os import getpid
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from attest.errors import ConfigError, WriteError
+from attest.errors import ConfigError
+from attest.files import replacing
 
 if TYPE_CHECKING:
     from attest.simulation.flight import Flight
@@ -85,12 +84,5 @@ def _write(path: Path, encode: Callable[[Flight], bytes], flight: Flight) -> Non
         data = encode(flight)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from error
-    # renamed when whole: a kill leaves the old file or none
-    part = path.with_name(f".{path.name}.{getpid()}.part")
-    try:
+    with replacing(path) as part:
         part.write_bytes(data)
-        part.replace(path)
-    except OSError as error:
-        with suppress(OSError):
-            part.unlink(missing_ok=True)
-        raise WriteError(f"{path}: {error.strerror or error}. Choose another --output.") from error

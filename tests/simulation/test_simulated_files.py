@@ -160,8 +160,9 @@ def test_what_cannot_be_made_is_one_line(tmp_path, flight):
         simulation.write(tmp_path / "a.xyz", flight)
     with pytest.raises(ConfigError, match=r"a\.tlog: fts-7\.1 has no accel, mag, position, veloc"):
         simulation.write(tmp_path / "a.tlog", simulation.simulate("fts-7.1"))
-    with pytest.raises(WriteError, match=r"No such file or directory\. Choose another --output\.$"):
-        simulation.write(tmp_path / "none" / "a.csv", flight)
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(WriteError, match=r"a\.csv: cannot write: .*Choose another folder"):
+        simulation.write(tmp_path / "file" / "a.csv", flight)
 
 
 def test_naming_the_scenarios_imports_nothing_heavy():

@@ -1,0 +1,77 @@
+"""The magnetometer: put at its right time, and the field that it measures found in the world."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from attest.conditioning import latency, magnetic
+from attest.conditioning.measured import Measured, carried, unit
+from attest.conditioning.timeline import SECOND, Timeline
+from attest.config import Conditioning
+from attest.errors import ReadError
+from attest.recording import Note, Recording, Signal, World
+
+Array = NDArray[np.float64]
+
+VERTICAL = 0.99
+"""Cosine from which a known vector is taken as straight up, 8°: in a turn, a - g is not."""
+
+
+def magnetometer(
+    recording: Recording,
+    line: Timeline,
+    signal: Signal,
+    reference: str | None,
+    before: list[Measured],
+    config: Conditioning,
+) -> tuple[Measured, list[Note]]:
+    """Put the magnetometer at its right time, and find the field in the world."""
+    late, notes = config.magnetometer.latency_s, []
+    if late is None:
+        late = latency.find(line.t, line.D, signal.t, signal.y)
+    if late > 0.0:
+        notes.append(Note(f"magnetometer {late:.2f} s late against the gyroscope: put right"))
+        signal = Signal(signal.t - round(late * SECOND), signal.y, signal.source)
+    body = carried(line, signal, np.array([[1.0, 0.0, 0.0]]), config)
+    known, told = _field(recording, body, before, reference)
+    return Measured(body.body, known[np.newaxis], body.valid), notes + told
+
+
+def _field(
+    recording: Recording, mag: Measured, before: list[Measured], reference: str | None
+) -> tuple[Array, list[Note]]:
+    """Return the field's direction in the world, shape (3,)."""
+    dip = _dip_of_log(mag, before, recording.world)
+    model = None if reference == "north" else magnetic.field(recording)
+    if model is None:
+        if reference == "magnetic":
+            raise ReadError(
+                f"{recording.path}: no position, which 'magnetic' needs. "
+                "Use 'reference: north' for 'mag'."
+            )
+        if dip is None:
+            told = "dip taken as 0, since no vertical tells it"
+        else:
+            told = f"dip {np.rad2deg(dip):+.1f}° as in the log"
+        doubt = reference is None or dip is None
+        note = Note(f"magnetic reference: magnetic north, {told}", doubt=doubt)
+        return magnetic.north(dip or 0.0, recording.world), [note]
+    field_w, notes = model
+    modelled = magnetic.dip_of(field_w, recording.world)
+    if dip is None or abs(np.rad2deg(dip - modelled)) <= magnetic.DIP_TOLERANCE_DEG:
+        return unit(field_w), notes
+    text = (
+        f"the field's dip in the log is {np.rad2deg(dip):+.1f}°, the model's "
+        f"{np.rad2deg(modelled):+.1f}°: the log's is used, and its heading is doubtful"
+    )
+    return magnetic.with_dip(field_w, dip, recording.world), [*notes, Note(text, doubt=True)]
+
+
+def _dip_of_log(mag: Measured, before: list[Measured], world: World) -> float | None:
+    """Return the field's dip against the vertical, where a vector is known to be (nearly) that."""
+    up = -1.0 if world == "ned" else 1.0
+    for vector in before:
+        vertical = np.broadcast_to(up * vector.inertial[:, 2] > VERTICAL, mag.valid.shape)
+        both = mag.valid & vector.valid & vertical
+        if both.any():
+            return magnetic.dip_of_log(vector.body[both], mag.body[both])
+    return None

@@ -1,0 +1,92 @@
+"""One timeline at the gyroscope's stamps: its gaps, and how each step is divided."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from attest.conditioning import frame
+from attest.config import Conditioning, Configuration
+from attest.errors import ReadError
+from attest.recording import Note, Recording, seconds
+
+Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+SECOND = 1_000_000_000
+MOST_SUBSTEPS = 100
+"""In one step, so that work grows with the log's size and not with the time it spans."""
+FASTEST = 1e3
+"""rad/s; no gyroscope measures a tenth of this."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Timeline:
+    """The gyroscope's stamps, its values there, and the frame that it integrates."""
+
+    t: Stamps
+    gyro: Array
+    D: Array
+
+
+def timeline(recording: Recording, config: Configuration) -> tuple[Timeline, list[Note]]:
+    """Cut the gyroscope to the time that is asked for, and leave out what it cannot measure."""
+    gyro = recording.require("gyro")
+    at = seconds(gyro.t, int(gyro.t[0]))
+    wanted = at >= (config.input.start_s or 0.0)
+    if config.input.end_s is not None:
+        wanted &= at <= config.input.end_s
+    if wanted.sum() < 2:
+        raise ReadError(
+            f"{recording.path}: {wanted.sum()} gyroscope samples between start and end; two are "
+            f"needed. The log has {len(at)} over {at[-1]:.1f} s."
+        )
+    sane = wanted & (np.abs(gyro.y).max(axis=1) < FASTEST)
+    wild = int(wanted.sum() - sane.sum())
+    if sane.sum() < 2:
+        raise ReadError(
+            f"{recording.path}: the gyroscope reads over {FASTEST:g} rad/s. Check its unit."
+        )
+    text = f"gyroscope sample of over {FASTEST:g} rad/s left out"
+    notes = [Note(text, wild, doubt=True)] if wild else []
+    t, y = gyro.t[sane], gyro.y[sane]
+    return Timeline(t, y, frame.integrate(t, y)), notes
+
+
+def restarts(
+    recording: Recording, line: Timeline, config: Conditioning
+) -> tuple[NDArray[np.bool_], list[Note]]:
+    """Mark the first step, and those after a reboot or a gap that is too long to bridge."""
+    gaps = np.diff(line.t) > config.restart_gap_s * SECOND
+    reboots = np.isin(
+        np.arange(len(line.t)), np.searchsorted(line.t, np.array(recording.restarts, np.int64))
+    )
+    restart = reboots | np.concatenate([[True], gaps])
+    notes = []
+    if gaps.any():
+        text = f"gap of over {config.restart_gap_s:g} s: the observer starts anew after it"
+        notes.append(Note(text, int(gaps.sum()), doubt=True))
+    period = np.median(np.diff(line.t))
+    bridged = (np.diff(line.t) > 5 * period) & ~restart[1:]
+    if bridged.any():
+        longest = np.diff(line.t)[bridged].max() * 1e-9
+        text = f"gap in the gyroscope bridged by interpolation, the longest {longest:.2f} s"
+        notes.append(Note(text, int(bridged.sum())))
+    return restart, notes
+
+
+def substeps_of(
+    t: Stamps, restart: NDArray[np.bool_], max_step: float
+) -> tuple[NDArray[np.int64], list[Note]]:
+    """Divide each step so that no part is longer than the gains allow."""
+    h = np.diff(t, append=t[-1])
+    substeps = np.clip(-(-h // max(1, round(max_step * SECOND))), 1, MOST_SUBSTEPS)
+    substeps[:-1][restart[1:]] = 1  # nothing is stepped across a restart
+    rate = 1e9 / np.median(h[:-1])
+    if (substeps > 1).mean() < 0.5:
+        return substeps, []
+    text = (
+        f"gyroscope at {rate:.1f} Hz, interpolated to steps of at most {max_step * 1e3:g} ms: "
+        "motion faster than that is not in the log"
+    )
+    return substeps, [Note(text, doubt=bool(rate < 20.0))]

@@ -1,0 +1,41 @@
+"""The configuration of a run: YAML, checked before anything is read.
+
+Precedence: code defaults < YAML < ``--set``. What ran is saved with the results, and reproduces
+them.
+"""
+
+from attest.config.check import validate
+from attest.config.files import dump, effective, find, folder, override, read, shipped
+from attest.config.settings import (
+    Conditioning,
+    Configuration,
+    Evaluation,
+    Initial,
+    Input,
+    Magnetometer,
+    Section,
+    SpecificForce,
+    Vector,
+    Weights,
+)
+
+__all__ = [
+    "Conditioning",
+    "Configuration",
+    "Evaluation",
+    "Initial",
+    "Input",
+    "Magnetometer",
+    "Section",
+    "SpecificForce",
+    "Vector",
+    "Weights",
+    "dump",
+    "effective",
+    "find",
+    "folder",
+    "override",
+    "read",
+    "shipped",
+    "validate",
+]

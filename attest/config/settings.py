@@ -1,0 +1,151 @@
+"""Every key of a configuration: meaning, unit, range and default.
+
+An observer's module extends `Configuration` by its gains; the rest is the same for all.
+"""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator
+
+Vector3 = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+
+
+class Section(BaseModel):
+    """A group of keys: unknown keys and infinities are refused, values never change."""
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
+    )
+
+
+class Weights(Section):
+    """Weights K of Wahba's cost."""
+
+    k: Vector3 = (3.0, 2.0, 1.0)
+    """Along the world's axes; a turn about one axis feels the sum of the other two."""
+
+    @field_validator("k")
+    @classmethod
+    def _make_cost_a_morse_function(cls, k: Vector3) -> Vector3:
+        if len(set(k)) < 3 or min(k) < 1.0:
+            raise ValueError("three distinct values of at least 1 are needed [FTS, Lemma 1]")
+        return k
+
+
+class Initial(Section):
+    """Where the observer starts."""
+
+    attitude: Literal["triad", "identity"] | Quaternion = "triad"
+    """From the first vectors (triad), identity, or a quaternion [w, x, y, z], body to world."""
+    bias: Vector3 = (0.0, 0.0, 0.0)
+    """Gyroscope bias, rad/s."""
+    angular_velocity: Vector3 | None = None
+    """Estimate of the angular velocity, rad/s; null takes the first measurement less the bias."""
+
+    @field_validator("attitude")
+    @classmethod
+    def _refuse_zero(cls, attitude: str | Quaternion) -> str | Quaternion:
+        if not isinstance(attitude, str) and sum(x * x for x in attitude) < 1e-12:
+            raise ValueError("a quaternion of length zero is no attitude")
+        return attitude
+
+
+class Vector(Section):
+    """A direction that is measured in the body and known in the world."""
+
+    signal: str
+    """Name of the signal, such as accel, mag, or a CSV's further vector."""
+    reference: Literal["gravity", "specific_force", "magnetic", "north"] | Vector3 | None = None
+    """gravity; specific_force (needs velocity); magnetic (World Magnetic Model at place and date);
+    north (magnetic north, dip from the log); [x, y, z] in the world. null: what suits the signal
+    and the log best."""
+
+    @field_validator("reference")
+    @classmethod
+    def _refuse_zero(cls, reference: str | Vector3 | None) -> str | Vector3 | None:
+        if isinstance(reference, tuple) and not any(reference):
+            raise ValueError("a vector of length zero has no direction")
+        return reference
+
+
+class SpecificForce(Section):
+    """The accelerometer's reference a - g from the log's velocity."""
+
+    smoothing_s: Annotated[float, Field(gt=0, le=60)] = 0.5
+    """Standard deviation of the Gaussian that smooths acceleration and accelerometer alike, s."""
+    lag_s: Annotated[float | None, Field(ge=-5, le=5)] = None
+    """How late the log's velocity is, s; null finds it from |a - g| and |accelerometer|."""
+
+
+class Magnetometer(Section):
+    """The magnetometer's own ways."""
+
+    latency_s: Annotated[float | None, Field(ge=0, le=5)] = None
+    """How late its values are against the gyroscope, s; null finds it from the log's turns."""
+
+
+class Conditioning(Section):
+    """What is done to the measurements before the observer sees them."""
+
+    max_step_s: Annotated[float, Field(gt=0, le=10)] = 0.01
+    """Longest step of the observer; a slower log is sub-stepped, its gyroscope interpolated."""
+    max_age_s: Annotated[float, Field(ge=0, le=600)] = 1.0
+    """How far a vector may be carried by the gyroscope from its nearest sample."""
+    restart_gap_s: Annotated[float, Field(gt=0)] = 5.0
+    """A gyroscope silent for longer than this makes the observer start anew."""
+    specific_force: SpecificForce = SpecificForce()
+    magnetometer: Magnetometer = Magnetometer()
+
+
+class Input(Section):
+    """How the log is read."""
+
+    imu: str | None = None
+    """Message or topic to take the inertial signals from; null takes the best."""
+    vehicle: str | None = None
+    """System id, or system/component, where a log has several vehicles."""
+    world: Literal["ned", "enu"] | None = None
+    """World axes of a format that does not say; null is ned."""
+    start_s: Annotated[float | None, Field(ge=0)] = None
+    """Leave out what is earlier than this, seconds from the log's first gyroscope sample."""
+    end_s: Annotated[float | None, Field(gt=0)] = None
+    """Leave out what is later than this, seconds from the log's first gyroscope sample."""
+
+
+class Evaluation(Section):
+    """How the estimate is compared."""
+
+    reference: str | None = None
+    """Name of the reference; null takes the best of the log, none compares with nothing."""
+    settling_bound_deg: Annotated[float, Field(gt=0, le=180)] = 5.0
+    """The total error counts as settled when it stays below this."""
+    longest_gap_s: Annotated[float, Field(gt=0)] = 2.0
+    """The reference is never interpolated across a longer gap than this."""
+    apply_time_offset: bool = False
+    """Shift the reference by the time offset that was found before scoring."""
+    apply_heading_offset: bool = False
+    """Take the constant heading offset out before scoring."""
+    apply_misalignment: bool = False
+    """Take the constant rotation between the two bodies out before scoring."""
+
+
+class Configuration(Section):
+    """What every observer's configuration has."""
+
+    observer: str
+    weights: Weights = Weights()
+    initial: Initial = Initial()
+    vectors: tuple[Vector, ...] | None = None
+    """null: accelerometer and magnetometer, as far as the log has them."""
+    input: Input = Input()
+    conditioning: Conditioning = Conditioning()
+    evaluation: Evaluation = Evaluation()
+
+    @field_validator("vectors")
+    @classmethod
+    def _refuse_twice(cls, vectors: tuple[Vector, ...] | None) -> tuple[Vector, ...] | None:
+        names = [vector.signal for vector in vectors or ()]
+        if len(set(names)) < len(names):
+            raise ValueError("a signal is named twice")
+        return vectors
