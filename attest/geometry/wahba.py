@@ -149,48 +149,58 @@ def gain_matrices(E: Array, U: Array, valid: NDArray[np.bool_], K: Vector, out: 
         Weights (k1, k2, k3) along the world's axes.
     """
     A = np.zeros((valid.shape[1] + 1, 3))
-    first, second, joined = -1, -1, False
-    for i in range(len(U)):
+    i = 0
+    while i < len(U):
         row = i if len(E) > 1 else 0
-        if i == 0 or len(E) > 1 or not _alike(valid, i):
-            first, second, joined = _weighting(E, row, valid, i, K, A)
-        L, lone = _combined(A, U, valid, i, (first, second, joined))
-        constant = 0.5 * (K[0] + K[1] + K[2] + _weighted_norm(L, K))
+        stop = i + 1 if len(E) > 1 else _alike_until(valid, i)
+        pair = _weighting(E, row, valid, i, K, A)
+        e = _at(E, row, max(pair[0], 0))
+        _fill(A, U, valid, i, stop, pair, e, K, out)
+        i = stop
+
+
+@kernel
+def _alike_until(valid: NDArray[np.bool_], i: int) -> int:
+    """Return the first step behind i that has other vectors."""
+    for stop in range(i + 1, len(valid)):
+        for j in range(valid.shape[1]):
+            if valid[stop, j] != valid[i, j]:
+                return stop
+    return len(valid)
+
+
+@kernel
+def _fill(
+    A: Array,
+    U: Array,
+    valid: NDArray[np.bool_],
+    start: int,
+    stop: int,
+    pair: tuple[int, int, bool],
+    e: Vector,
+    K: Vector,
+    out: Array,
+) -> None:
+    """Fill rows of out with L and the cost's constant part, for steps that share their vectors."""
+    first, second, joined = pair
+    k = valid.shape[1]
+    for i in range(start, stop):
+        L, constant = ZERO, 0.0
+        lone = first >= 0 and second < 0
+        if second >= 0:
+            for j in range(k):
+                if valid[start, j]:
+                    L = _outer_sum(L, so3.row(A, j), _at(U, i, j))
+            if joined:
+                u3 = so3.cross(_at(U, i, first), _at(U, i, second))
+                L = _outer_sum(L, so3.row(A, k), u3)
+                lone = so3.dot(u3, u3) < MIN_SINE * MIN_SINE
+            constant = 0.5 * (K[0] + K[1] + K[2] + _weighted_norm(L, K))
         if lone:
-            L, constant = _one_direction(_at(E, row, first), _at(U, i, first), K)
-        elif first < 0:
-            constant = 0.0
+            L, constant = _one_direction(e, _at(U, i, first), K)
         for a in range(9):
             out[i, a] = L[a]
         out[i, 9] = constant
-
-
-@kernel
-def _alike(valid: NDArray[np.bool_], i: int) -> bool:
-    """Whether step i has the vectors of the step before it."""
-    alike = True
-    for j in range(valid.shape[1]):
-        alike = alike and valid[i, j] == valid[i - 1, j]
-    return alike
-
-
-@kernel
-def _combined(
-    A: Array, U: Array, valid: NDArray[np.bool_], i: int, pair: tuple[int, int, bool]
-) -> tuple[Matrix, bool]:
-    """Return L from the columns of A and the vectors of step i; and if one direction is all."""
-    first, second, joined = pair
-    L = ZERO
-    if second < 0:
-        return L, first >= 0
-    for j in range(valid.shape[1]):
-        if valid[i, j]:
-            L = _outer_sum(L, so3.row(A, j), _at(U, i, j))
-    if not joined:
-        return L, False
-    u3 = so3.cross(_at(U, i, first), _at(U, i, second))
-    L = _outer_sum(L, so3.row(A, valid.shape[1]), u3)
-    return L, so3.dot(u3, u3) < MIN_SINE * MIN_SINE
 
 
 @kernel

@@ -38,6 +38,8 @@ from attest.samples import Samples
 Array = NDArray[np.float64]
 Numbers = tuple[float, float, float, float, float, float]
 """k_p, k_v, kappa, mu, a, k_b."""
+State = tuple[Quaternion, Vector, Vector]
+"""q, omega, beta_hat."""
 
 FLOOR = 1e-30
 """Least s.s and Psi.Psi that are raised to a negative power."""
@@ -95,18 +97,30 @@ def derivatives(
 
 
 @kernel
-def innovation(
-    q: Quaternion, Omega_b: Vector, Omega_hat: Vector, L: Matrix
-) -> tuple[Matrix, Vector, Vector]:
-    """Return B = R^T L, s_L and w_L, (48)."""
+def step(
+    state: State, Omega_m: Vector, L: Matrix, h: float, gains: Numbers
+) -> tuple[State, float, float, float]:
+    """Advance the state by h, all right sides at its beginning, (92)-(95).
+
+    Returns
+    -------
+    state
+        q, omega and beta_hat after the step.
+    s_norm, trace, psi_norm : float
+        |s_L|, tr(R^T L) and |Psi| before it.
+    """
+    q, omega, beta = state
+    Omega_b = so3.sub(Omega_m, beta)
+    Omega_hat = so3.sub(Omega_b, omega)
     B = so3.matmul(so3.transpose(so3.matrix(q)), L)
-    return B, wahba.residual(B), wahba.residual_rate(B, Omega_hat, Omega_b)
-
-
-@kernel
-def advance(q: Quaternion, Omega: Vector, h: float) -> Quaternion:
-    """Return R exp(h hat(Omega)), (92)."""
-    return so3.multiply(q, so3.exp(so3.scale(h, Omega)))
+    s, w = wahba.residual(B), wahba.residual_rate(B, Omega_hat, Omega_b)  # (48)
+    beta_dot, omega_dot, Psi = derivatives(s, w, omega, gains)
+    after = (
+        so3.multiply(q, so3.exp(so3.scale(h, Omega_hat))),  # (92)
+        so3.add(omega, so3.scale(h, omega_dot)),  # (93)
+        so3.add(beta, so3.scale(h, beta_dot)),  # (94)
+    )
+    return after, sqrt(so3.dot(s, s)), B[0] + B[4] + B[8], sqrt(so3.dot(Psi, Psi))
 
 
 @kernel
@@ -115,7 +129,7 @@ def run(
     substeps: NDArray[np.int64],
     gyro: Array,
     L: Array,
-    start: tuple[Quaternion, Vector, Vector],
+    start: State,
     gains: Numbers,
     out: Array,
 ) -> None:
@@ -124,7 +138,7 @@ def run(
     Parameters
     ----------
     h, substeps : shape (n,)
-        Length of each step, s, and in how many parts it is taken.
+        Length of each sub-step, s, and how many of them a step has.
     gyro : shape (n, 3)
         Measured rate, rad/s.
     L : shape (n, 10)
@@ -136,26 +150,18 @@ def run(
     out : shape (n, 13)
         q (4), Omega_hat (3), beta_hat (3), |s_L|, U, |Psi|.
     """
-    q, omega, beta = start
+    state = start
     for i in range(len(h)):
-        part = h[i] / substeps[i]
-        for j in range(substeps[i]):
-            Omega_m, L_j, constant = between(gyro, L, i, j, substeps[i])
-            Omega_b = so3.sub(Omega_m, beta)
-            Omega_hat = so3.sub(Omega_b, omega)
-            B, s, w = innovation(q, Omega_b, Omega_hat, L_j)
-            beta_dot, omega_dot, Psi = derivatives(s, w, omega, gains)
-            if j == 0:
-                rate = so3.sub(so3.sub(so3.row(gyro, i), beta), omega)
-                out[i, 0], out[i, 1], out[i, 2], out[i, 3] = q
-                out[i, 4], out[i, 5], out[i, 6] = rate
-                out[i, 7], out[i, 8], out[i, 9] = beta
-                out[i, 10] = sqrt(so3.dot(s, s))
-                out[i, 11] = wahba.cost(constant, B)
-                out[i, 12] = sqrt(so3.dot(Psi, Psi))
-            q = advance(q, Omega_hat, part)  # (92)
-            omega = so3.add(omega, so3.scale(part, omega_dot))  # (93)
-            beta = so3.add(beta, so3.scale(part, beta_dot))  # (94)
+        q, omega, beta = state
+        Omega_m, L_i, constant = between(gyro, L, i, 0, substeps[i])
+        state, s_norm, trace, psi_norm = step(state, Omega_m, L_i, h[i], gains)
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = q
+        out[i, 4], out[i, 5], out[i, 6] = so3.sub(so3.sub(so3.row(gyro, i), beta), omega)
+        out[i, 7], out[i, 8], out[i, 9] = beta
+        out[i, 10], out[i, 11], out[i, 12] = s_norm, constant - trace, psi_norm
+        for j in range(1, substeps[i]):
+            Omega_m, L_j, _ = between(gyro, L, i, j, substeps[i])
+            state, _, _, _ = step(state, Omega_m, L_j, h[i], gains)
 
 
 def estimate(samples: Samples, config: Config) -> Estimates:
@@ -174,8 +180,8 @@ def estimate(samples: Samples, config: Config) -> Estimates:
         start = (so3.as_quaternion(q), so3.as_vector(omega), so3.as_vector(beta))
         L = gain_matrices(samples, part, config.weights.k)
         run(steps(samples, part), samples.substeps[part], gyro, L, start, numbers, out[part])
+        refuse_divergence("fts", samples.t[part], out[part])
         beta = out[part.stop - 1, 7:10]
-    refuse_divergence("fts", samples, out)
     return Estimates(
         observer="fts",
         t=samples.t,

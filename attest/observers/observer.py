@@ -43,8 +43,10 @@ def segments(samples: Samples) -> Iterator[slice]:
 
 
 def steps(samples: Samples, part: slice) -> Array:
-    """Return the length of each step of a stretch, s, shape (n,); the last is zero."""
-    return np.diff(samples.t[part], append=samples.t[part][-1]) * 1e-9
+    """Return how long each sub-step of a stretch takes, s, shape (n,); the last step is zero."""
+    h = np.diff(samples.t[part], append=samples.t[part][-1]) * 1e-9
+    divided: Array = h / samples.substeps[part]
+    return divided
 
 
 def initial_attitude(samples: Samples, part: slice, initial: Initial) -> Array:
@@ -63,23 +65,23 @@ def initial_attitude(samples: Samples, part: slice, initial: Initial) -> Array:
     return wahba.attitude(known, samples.body[part.start][valid])
 
 
-def refuse_divergence(name: str, samples: Samples, states: Array) -> None:
-    """Refuse states (n, j) that are not all finite, so that no output holds NaN for an attitude.
+def refuse_divergence(name: str, t: NDArray[np.int64], states: Array) -> None:
+    """Refuse the states (n, j) of a stretch unless they are finite to its end.
+
+    What is not finite never becomes so again, so the last row tells.
 
     Raises
     ------
     ConfigError
         Explicit steps diverge where the gains are too high for their length.
     """
-    if np.isfinite(np.sum(states)):  # one pass; a sum that overflows is looked at below
+    if np.isfinite(states[-1]).all():
         return
-    lost = np.flatnonzero(~np.isfinite(states).all(axis=1))
-    if lost.size:
-        after = float(samples.t[lost[0]] - samples.t[0]) * 1e-9
-        raise ConfigError(
-            f"{name}: the estimate is no number any more after {after:.2f} s: the gains are too high "
-            "for the steps. Lower the gains or conditioning.max_step_s."
-        )
+    after = float(t[int(np.argmin(np.isfinite(states).all(axis=1)))] - t[0]) * 1e-9
+    raise ConfigError(
+        f"{name}: the estimate is no number any more after {after:.2f} s: the gains are too high "
+        "for the steps. Lower the gains or conditioning.max_step_s."
+    )
 
 
 @kernel
@@ -96,8 +98,13 @@ def between(gyro: Array, L: Array, i: int, j: int, m: int) -> tuple[Vector, Matr
     L
         Shape (n, 10), from `attest.geometry.wahba.gain_matrices`.
     """
-    if m == 1 or i + 1 == len(gyro):
+    if m == 1 or i + 1 == len(gyro):  # kept short, so that it is inlined
         return so3.row(gyro, i), so3.matrix_row(L, i), L[i, 9]
+    return _blended(gyro, L, i, j, m)
+
+
+@kernel
+def _blended(gyro: Array, L: Array, i: int, j: int, m: int) -> tuple[Vector, Matrix, float]:
     f, c = j / m, (j + 0.5) / m
     rate = so3.add(so3.scale(1.0 - c, so3.row(gyro, i)), so3.scale(c, so3.row(gyro, i + 1)))
     blended = so3.blend(so3.matrix_row(L, i), so3.matrix_row(L, i + 1), f)
