@@ -154,7 +154,7 @@ def gain_matrices(E: Array, U: Array, valid: NDArray[np.bool_], K: Vector, out: 
         row = i if len(E) > 1 else 0
         stop = i + 1 if len(E) > 1 else _alike_until(valid, i)
         pair = _weighting(E, row, valid, i, K, A)
-        e = _at(E, row, max(pair[0], 0))
+        e = _at(E, row, pair[0]) if pair[0] >= 0 else (0.0, 0.0, 0.0)
         _fill(A, U, valid, i, stop, pair, e, K, out)
         i = stop
 

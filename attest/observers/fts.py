@@ -29,6 +29,7 @@ from attest.observers.observer import (
     between,
     gain_matrices,
     initial_attitude,
+    mean_rate,
     refuse_divergence,
     segments,
     steps,
@@ -153,14 +154,14 @@ def run(
     state = start
     for i in range(len(h)):
         q, omega, beta = state
-        Omega_m, L_i, constant = between(gyro, L, i, 0, substeps[i])
+        Omega_m, L_i = mean_rate(gyro, i, 0, substeps[i]), so3.matrix_row(L, i)
         state, s_norm, trace, psi_norm = step(state, Omega_m, L_i, h[i], gains)
         out[i, 0], out[i, 1], out[i, 2], out[i, 3] = q
         out[i, 4], out[i, 5], out[i, 6] = so3.sub(so3.sub(so3.row(gyro, i), beta), omega)
         out[i, 7], out[i, 8], out[i, 9] = beta
-        out[i, 10], out[i, 11], out[i, 12] = s_norm, constant - trace, psi_norm
+        out[i, 10], out[i, 11], out[i, 12] = s_norm, L[i, 9] - trace, psi_norm
         for j in range(1, substeps[i]):
-            Omega_m, L_j, _ = between(gyro, L, i, j, substeps[i])
+            Omega_m, L_j = mean_rate(gyro, i, j, substeps[i]), between(L, i, j, substeps[i])
             state, _, _, _ = step(state, Omega_m, L_j, h[i], gains)
 
 

@@ -85,30 +85,25 @@ def refuse_divergence(name: str, t: NDArray[np.int64], states: Array) -> None:
 
 
 @kernel
-def between(gyro: Array, L: Array, i: int, j: int, m: int) -> tuple[Vector, Matrix, float]:
-    """Return gyroscope, L and the cost's constant part at sub-step j of m from step i.
+def mean_rate(gyro: Array, i: int, j: int, m: int) -> Vector:
+    """Return the gyroscope's mean over sub-step j of m from step i, linear between the steps.
 
-    A step that is not divided holds what it has, as the papers' discrete observers do. One that is
-    takes the gyroscope's mean over the sub-step, and L at its beginning, linear between the steps.
-
-    Parameters
-    ----------
-    gyro
-        Shape (n, 3), rad/s.
-    L
-        Shape (n, 10), from `attest.geometry.wahba.gain_matrices`.
+    A step that is not divided holds its own, as the papers' discrete observers do.
     """
-    if m == 1 or i + 1 == len(gyro):  # kept short, so that it is inlined
-        return so3.row(gyro, i), so3.matrix_row(L, i), L[i, 9]
-    return _blended(gyro, L, i, j, m)
+    if m == 1 or i + 1 == len(gyro):
+        return so3.row(gyro, i)
+    c = (j + 0.5) / m
+    return so3.add(so3.scale(1.0 - c, so3.row(gyro, i)), so3.scale(c, so3.row(gyro, i + 1)))
 
 
 @kernel
-def _blended(gyro: Array, L: Array, i: int, j: int, m: int) -> tuple[Vector, Matrix, float]:
-    f, c = j / m, (j + 0.5) / m
-    rate = so3.add(so3.scale(1.0 - c, so3.row(gyro, i)), so3.scale(c, so3.row(gyro, i + 1)))
-    blended = so3.blend(so3.matrix_row(L, i), so3.matrix_row(L, i + 1), f)
-    return rate, blended, (1.0 - f) * L[i, 9] + f * L[i + 1, 9]
+def between(L: Array, i: int, j: int, m: int) -> Matrix:
+    """Return L at the beginning of sub-step j of m from step i, linear between the steps.
+
+    L has shape (n, 10), from `attest.geometry.wahba.gain_matrices`.
+    """
+    following = min(i + 1, len(L) - 1)
+    return so3.blend(so3.matrix_row(L, i), so3.matrix_row(L, following), j / m)
 
 
 def gain_matrices(samples: Samples, part: slice, K: Vector) -> Array:
