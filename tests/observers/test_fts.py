@@ -54,7 +54,15 @@ def run(start, gyro, U, E, K, g, h, substeps=1):
     q, omega, beta = start
     state = (so3.as_quaternion(q), so3.as_vector(omega), so3.as_vector(beta))
     steps = np.append(np.full(n - 1, float(h)), 0.0)
-    fts.run(steps / substeps, np.full(n, substeps), np.ascontiguousarray(gyro), L, state, numbers(g), out)
+    fts.run(
+        steps / substeps,
+        np.full(n, substeps),
+        np.ascontiguousarray(gyro),
+        L,
+        state,
+        numbers(g),
+        out,
+    )
     return out
 
 
