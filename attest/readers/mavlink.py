@@ -23,7 +23,7 @@ LONGEST = 10 + 255 + 2 + 13
 V1, V2 = 0xFE, 0xFD
 FEW = 200
 """Frames of one length that are not worth their own turn."""
-ROWS_AT_ONCE = 1 << 17
+ROWS_AT_ONCE = 1 << 18
 """Bytes of frames gathered at a time: what stays in the cache."""
 _CODES = {"b": "i1", "B": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4", "q": "<i8",
           "Q": "<u8", "f": "<f4", "d": "<f8", "c": "S1"}  # fmt: skip

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from attest.readers import mavlink
 from attest.readers.mavlink import Bytes, Frames, Ints, Mask
 
-BLOCK = 2 << 20
+BLOCK = 3 << 20
 """Bytes read at a time."""
 MARGIN = 4 * (mavlink.LONGEST + 8)
 """Frames that end so close to the end of a block are left to the next one."""
@@ -232,8 +232,12 @@ def _sound(buffer: Bytes, mark: Mask, stamp: int) -> Frames:
     if not broken.any():
         return frames
     broken[broken] = ~_bridged(buffer, start[broken], stop[broken], stamp)[0]
-    before = np.searchsorted(frames.at, at, side="right")
-    tried = ~linked & broken[before] & (at >= start[before]) & (end <= stop[before] + stamp)
+    if not broken.any():
+        return frames
+    loose = np.flatnonzero(~linked)
+    before = np.searchsorted(frames.at, at[loose], side="right")
+    within = broken[before] & (at[loose] >= start[before]) & (end[loose] <= stop[before] + stamp)
+    tried = loose[within]
     more = _checked(buffer, at[tried], end[tried])
     return _disjoint(mavlink.merged(frames, more), stamp) if len(more) else frames
 
