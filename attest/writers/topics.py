@@ -1,0 +1,215 @@
+"""What goes on which topic of an MCAP.
+
+The tree of frames is ``map`` (east-north-up, so that viewers show up as up), ``world`` (the world
+axes of the recording), and in it the body by the observer and by the reference.
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from attest.estimates import Estimates
+from attest.geometry import quaternion
+from attest.metrics import Metrics
+from attest.recording import Recording, World
+from attest.result import Result
+from attest.writers.cdr import Field, sequence, text, texts
+
+Array = NDArray[np.float64]
+
+WORLD_IN_MAP: Mapping[World, tuple[float, float, float, float]] = {
+    "enu": (1.0, 0.0, 0.0, 0.0),
+    "ned": (0.0, np.sqrt(0.5), np.sqrt(0.5), 0.0),
+}
+"""The world axes as a quaternion (w, x, y, z) in ``map``."""
+
+COVARIANCE = (9,)
+"""Left at zero, which ``sensor_msgs`` reads as unknown."""
+NOT_MEASURED = (-1.0, *[0.0] * 8)
+"""The covariance by which ``sensor_msgs`` marks a quantity that is not there."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stream:
+    """The messages of one shape on one topic."""
+
+    topic: str
+    schema: str
+    t: NDArray[np.int64]
+    """Nanoseconds on the recording's clock, not decreasing, shape (n,)."""
+    fields: tuple[Field, ...]
+    """The message's layout, its constants in it; ``sec`` and ``nanosec`` are the stamp."""
+    columns: Mapping[str, NDArray[np.generic]]
+    """The values of the fields that change, each (n, …)."""
+
+
+def streams(result: Result) -> list[Stream]:
+    """Lay out every message of a run, topics without one left out."""
+    every = [
+        *_of_observer(result.estimates, result.recording, result.samples.names),
+        *(_of_metrics(result.metrics, result.estimates) if result.metrics else ()),
+        *_of_recording(result.recording, topic_name(result.estimates.observer)),
+    ]
+    filled = [stream for stream in every if len(stream.t)]
+    return [*_static(filled, result.recording.world), *filled]
+
+
+def topic_name(name: str) -> str:
+    """Spell a name so that ROS takes it in a topic or frame."""
+    words = [word for part in name.split("/") if (word := re.sub(r"[^A-Za-z0-9]+", "_", part))]
+    return "/".join(f"_{word}" if word[0].isdigit() else word for word in words) or "_"
+
+
+def _of_observer(
+    estimates: Estimates, recording: Recording, names: tuple[str, ...]
+) -> Iterator[Stream]:
+    body = topic_name(estimates.observer)
+    topic, t = f"/attest/{body}", estimates.t
+    yield _transform("/tf", t, "world", body, estimates.q)
+    yield _pose(f"{topic}/pose", t, estimates.q)
+    yield _imu(f"{topic}/imu", body, estimates, recording)
+    yield _vector(f"{topic}/bias", t, body, estimates.gyro_bias)
+    yield _vector(f"{topic}/euler", t, "world", np.degrees(quaternion.to_euler(estimates.q)))
+    yield _state(f"{topic}/state", body, estimates, names)
+    if (torque := estimates.states.get("disturbance_torque")) is not None:
+        yield _vector(f"{topic}/torque", t, body, torque)
+
+
+def _of_metrics(metrics: Metrics, estimates: Estimates) -> Iterator[Stream]:
+    name = topic_name(metrics.reference)
+    held = np.isfinite(metrics.q_ref).all(axis=1)
+    t, q = estimates.t[held], metrics.q_ref[held]
+    yield _transform("/tf", t, "world", f"reference/{name}", q)
+    yield _pose(f"/attest/reference/{name}/pose", t, q)
+    scored = np.isfinite(metrics.error_deg).all(axis=1)
+    yield _stamped(
+        f"/attest/{topic_name(estimates.observer)}/error",
+        "attest_msgs/msg/AttitudeError",
+        estimates.t[scored],
+        "world",
+        {"error": metrics.error_deg[scored]},
+    )
+
+
+def _of_recording(recording: Recording, body: str) -> Iterator[Stream]:
+    if (mag := recording.signals.get("mag")) is not None:
+        yield _stamped(
+            "/attest/mag",
+            "sensor_msgs/msg/MagneticField",
+            mag.t,
+            body,
+            {"magnetic_field": mag.y},
+            (Field("covariance", "<f8", COVARIANCE),),
+        )
+
+
+def _static(filled: list[Stream], world: World) -> list[Stream]:
+    """Tie the world axes to a map whose third axis is up, once, at the first message."""
+    if not filled:
+        return []
+    first = np.array([min(stream.t[0] for stream in filled)])
+    return [_transform("/tf_static", first, "map", "world", np.array([WORLD_IN_MAP[world]]))]
+
+
+def _transform(topic: str, t: NDArray[np.int64], parent: str, child: str, q: Array) -> Stream:
+    fields = (
+        Field("transforms.count", "<u4", value=1),
+        *_header(parent),
+        *text("child_frame_id", child),
+        Field("translation", "<f8", (3,)),
+        Field("rotation", "<f8", (4,)),
+    )
+    columns = {"rotation": quaternion.to_xyzw(q)}
+    return Stream(topic, "tf2_msgs/msg/TFMessage", t, fields, columns)
+
+
+def _pose(topic: str, t: NDArray[np.int64], q: Array) -> Stream:
+    fields = (
+        *_header("world"),
+        Field("position", "<f8", (3,)),
+        Field("orientation", "<f8", (4,)),
+    )
+    columns = {"orientation": quaternion.to_xyzw(q)}
+    return Stream(topic, "geometry_msgs/msg/PoseStamped", t, fields, columns)
+
+
+def _vector(topic: str, t: NDArray[np.int64], frame: str, vector: Array) -> Stream:
+    return _stamped(topic, "geometry_msgs/msg/Vector3Stamped", t, frame, {"vector": vector})
+
+
+def _imu(topic: str, body: str, estimates: Estimates, recording: Recording) -> Stream:
+    accel = recording.signals.get("accel")
+    fields = (
+        *_header(body),
+        Field("orientation", "<f8", (4,)),
+        Field("orientation_covariance", "<f8", COVARIANCE),
+        Field("angular_velocity", "<f8", (3,)),
+        Field("angular_velocity_covariance", "<f8", COVARIANCE),
+        Field("linear_acceleration", "<f8", (3,)),
+        Field("linear_acceleration_covariance", "<f8", COVARIANCE, None if accel else NOT_MEASURED),
+    )
+    columns = {
+        "orientation": quaternion.to_xyzw(estimates.q),
+        "angular_velocity": estimates.angular_velocity,
+    }
+    if accel:
+        columns["linear_acceleration"] = _interpolated(estimates.t, accel.t, accel.y)
+    return Stream(topic, "sensor_msgs/msg/Imu", estimates.t, fields, columns)
+
+
+def _state(topic: str, body: str, estimates: Estimates, names: tuple[str, ...]) -> Stream:
+    states = list(_columns(estimates.states))
+    fields = (
+        *_header(body),
+        *(Field(name, "<f8") for name in ("s_norm", "cost", "lyapunov")),
+        *sequence("updated", "u1", estimates.updated.shape[1]),
+        *texts("vectors", names),
+        *texts("state_names", [name for name, _ in states]),
+        *sequence("states", "<f8", len(states)),
+    )
+    unknown = np.full(len(estimates.t), np.nan)
+    columns: dict[str, NDArray[np.generic]] = {
+        "s_norm": estimates.s_norm,
+        "cost": estimates.cost,
+        "lyapunov": unknown if estimates.lyapunov is None else estimates.lyapunov,
+    }
+    if estimates.updated.shape[1]:
+        columns["updated"] = estimates.updated
+    if states:
+        columns["states"] = np.stack([column for _, column in states], axis=1)
+    return Stream(topic, "attest_msgs/msg/ObserverState", estimates.t, fields, columns)
+
+
+def _stamped(
+    topic: str,
+    schema: str,
+    t: NDArray[np.int64],
+    frame: str,
+    columns: Mapping[str, Array],
+    after: tuple[Field, ...] = (),
+) -> Stream:
+    fields = [Field(name, "<f8", values.shape[1:]) for name, values in columns.items()]
+    return Stream(topic, schema, t, (*_header(frame), *fields, *after), columns)
+
+
+def _header(frame: str) -> tuple[Field, ...]:
+    return (Field("sec", "<i4"), Field("nanosec", "<u4"), *text("frame_id", frame))
+
+
+def _columns(states: Mapping[str, Array]) -> Iterator[tuple[str, Array]]:
+    """Take observer-specific states apart, one number each, with a name that says which."""
+    for name, values in states.items():
+        if values.ndim == 1:
+            yield name, values
+        else:
+            yield from ((f"{name}[{i}]", values[:, i]) for i in range(values.shape[1]))
+
+
+def _interpolated(at: NDArray[np.int64], t: NDArray[np.int64], y: Array) -> Array:
+    """Interpolate each column; times are taken from the first, since float64 rounds nanoseconds."""
+    if not len(t):
+        return np.full((len(at), y.shape[1]), np.nan)
+    return np.stack([np.interp(at - t[0], t - t[0], column) for column in y.T], axis=1)
