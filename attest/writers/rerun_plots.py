@@ -1,12 +1,13 @@
 """The time series: what is drawn over time, in which plot, with which names, units and colours."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from attest.estimates import Estimates
 from attest.geometry import quaternion
 from attest.result import Result
 from attest.writers.rerun_scene import PALE, VIVID, Color
@@ -25,8 +26,8 @@ class Series:
 
     entity: str
     t: NDArray[np.int64]
-    y: Array
-    """Shape (n, k)."""
+    values: Callable[[], Array]
+    """Makes them when they are logged, shape (n, k)."""
     names: Sequence[str]
     colors: Sequence[Color]
     width: float = 1.5
@@ -40,12 +41,13 @@ class Plot:
     origin: str
     series: tuple[Series, ...]
 
-    def log(self, target: Target) -> None:
-        """Log the curves and their style."""
+    def log(self, target: Target, restarts: NDArray[np.int64]) -> None:
+        """Log the curves, which break at each restart, and their style."""
         for one in self.series:
             style = rr.SeriesLines(colors=one.colors, names=one.names, widths=[one.width])
             target.static(one.entity, style)
-            target.rows(one.entity, one.t, _columns(one.y))
+            t, y = _broken(one.t, one.values(), restarts)
+            target.rows(one.entity, t, _columns(y))
 
 
 def plots(result: Result) -> list[Plot]:
@@ -53,66 +55,74 @@ def plots(result: Result) -> list[Plot]:
     return [plot for make in PLOTS for plot in make(result)]
 
 
-def _columns(y: Array) -> Columns:
-    return lambda part: rr.Scalars.columns(scalars=y[part])
-
-
 def _error(result: Result) -> Iterator[Plot]:
-    if result.metrics is None:
+    if (metrics := result.metrics) is None:
         return
     names, colors = ("total", "heading", "inclination"), (TOTAL, HEADING, INCLINATION)
-    t, error = _broken(result, result.metrics.error_deg)
-    series = Series("error", t, error, names, colors, 2.0)
-    yield Plot(f"Error against {result.metrics.reference} [deg]", "error", (series,))
+    series = Series("error", result.estimates.t, lambda: metrics.error_deg, names, colors, 2.0)
+    yield Plot(f"Error against {metrics.reference} [deg]", "error", (series,))
 
 
 def _euler(result: Result) -> Iterator[Plot]:
+    t, q, metrics = result.estimates.t, result.estimates.q, result.metrics
     names = ("roll", "pitch", "yaw")
-    t, estimated = _broken(result, _euler_deg(result.estimates.q))
-    curves = [Series("euler/estimate", t, estimated, names, VIVID)]
-    if result.metrics:
-        t, reference = _broken(result, _euler_deg(result.metrics.q_ref))
-        named = [f"{name}, reference" for name in names]
+    curves = [Series("euler/estimate", t, lambda: _euler_deg(q), names, VIVID)]
+    if metrics is not None:
         # drawn in the order of their names: a broad band below, so that both are seen
-        curves.append(Series("euler/against", t, reference, named, PALE, 4.0))
+        named = [f"{name}, reference" for name in names]
+        q_ref = metrics.q_ref
+        curves.append(Series("euler/against", t, lambda: _euler_deg(q_ref), named, PALE, 4.0))
     yield Plot("Euler angles [deg]", "euler", tuple(curves))
 
 
 def _bias(result: Result) -> Iterator[Plot]:
-    t, bias = _broken(result, np.degrees(result.estimates.gyro_bias))
-    yield Plot("Gyro bias [deg/s]", "bias", (Series("bias", t, bias, ("x", "y", "z"), VIVID),))
+    estimates = result.estimates
+    yield _xyz("Gyro bias [deg/s]", "bias", estimates, lambda: np.degrees(estimates.gyro_bias))
 
 
 def _rate(result: Result) -> Iterator[Plot]:
-    t, rate = _broken(result, np.degrees(result.estimates.angular_velocity))
-    yield Plot("Angular rate [deg/s]", "rate", (Series("rate", t, rate, ("x", "y", "z"), VIVID),))
+    estimates = result.estimates
+    yield _xyz(
+        "Angular rate [deg/s]", "rate", estimates, lambda: np.degrees(estimates.angular_velocity)
+    )
 
 
 def _residual(result: Result) -> Iterator[Plot]:
-    values = np.stack([result.estimates.s_norm, result.estimates.cost], axis=1)
-    t, values = _broken(result, values)
-    names = ("|s_L|", "Wahba's cost U")
-    curve = Series("residual", t, values, names, (TOTAL, HEADING))
+    estimates = result.estimates
+    curve = Series(
+        "residual",
+        estimates.t,
+        lambda: np.stack([estimates.s_norm, estimates.cost], axis=1),
+        ("|s_L|", "Wahba's cost U"),
+        (TOTAL, HEADING),
+    )
     yield Plot("Residuals", "residual", (curve,))
 
 
 def _field(result: Result) -> Iterator[Plot]:
     if (mag := result.recording.signals.get("mag")) is None:
         return
-    strength = 1e6 * np.linalg.norm(mag.y, axis=1, keepdims=True)
-    series = Series("field", mag.t, strength, ("|mag|",), ((34, 211, 238),))
+    y = mag.y
+    series = Series(
+        "field",
+        mag.t,
+        lambda: 1e6 * np.linalg.norm(y, axis=1, keepdims=True),
+        ("|mag|",),
+        ((34, 211, 238),),
+    )
     yield Plot("Field strength [µT]", "field", (series,))
 
 
 def _torque(result: Result) -> Iterator[Plot]:
-    if (torque := result.estimates.states.get("disturbance_torque")) is None:
-        return
-    t, torque = _broken(result, torque)
-    series = Series("torque", t, torque, ("x", "y", "z"), VIVID)
-    yield Plot("Disturbance torque [N·m]", "torque", (series,))
+    if (torque := result.estimates.states.get("disturbance_torque")) is not None:
+        yield _xyz("Disturbance torque [N·m]", "torque", result.estimates, lambda: torque)
 
 
 PLOTS = (_error, _euler, _bias, _rate, _residual, _field, _torque)
+
+
+def _xyz(title: str, entity: str, estimates: Estimates, values: Callable[[], Array]) -> Plot:
+    return Plot(title, entity, (Series(entity, estimates.t, values, ("x", "y", "z"), VIVID),))
 
 
 def _euler_deg(q: Array) -> Array:
@@ -124,9 +134,14 @@ def _euler_deg(q: Array) -> Array:
     return angles
 
 
-def _broken(result: Result, y: Array) -> tuple[NDArray[np.int64], Array]:
+def _broken(
+    t: NDArray[np.int64], y: Array, restarts: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], Array]:
     """Put NaN just before each restart, so that no curve is drawn across a gap."""
-    t, restarts = result.estimates.t, result.samples.t[result.samples.restart]
     at = np.searchsorted(t, restarts)
     at = at[(at > 0) & (at < len(t))]
     return np.insert(t, at, t[at] - 1), np.insert(y, at, np.nan, axis=0)
+
+
+def _columns(y: Array) -> Columns:
+    return lambda part: rr.Scalars.columns(scalars=y[part])

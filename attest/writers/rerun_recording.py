@@ -1,11 +1,13 @@
 """One run as a Rerun recording."""
 
+import os
+import shutil
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from pathlib import Path
+from typing import BinaryIO
 
 import rerun as rr
-from rerun.chunk import RrdReader
 
 from attest.result import Result
 from attest.writers.rerun_layout import layout
@@ -15,40 +17,66 @@ from attest.writers.rerun_states import log_states
 from attest.writers.rerun_target import Target
 from attest.writers.summary_text import markdown
 
+BLOCK = 1 << 20
+"""Bytes copied at once."""
 
-def record(path: Path, result: Result, recording_id: str) -> None:
-    """Log a run and its layout to a file.
 
-    Raises
-    ------
-    RuntimeError
-        The file cannot be written, or not to its end.
-    """
+def record(file: BinaryIO, result: Result, recording_id: str) -> None:
+    """Log a run and its layout to a file."""
     recording = rr.RecordingStream("attest", recording_id=recording_id, send_properties=False)
-    recording.save(path)
-    try:
-        with _strict():
-            _log(recording, result)
-    finally:
-        recording.disconnect()
-    RrdReader(path).store()  # the end is written without complaint even to a full disk
+    with _saved(recording, file), _strict():
+        _log(recording, result)
 
 
 def _log(recording: rr.RecordingStream, result: Result) -> None:
-    target = Target(recording, result.recording.clock, _start(result))
+    t = result.estimates.t
+    target = Target(recording, result.recording.clock, int(t[0]) if len(t) else 0)
     drawn = plots(result)
     recording.send_recording_name(f"{result.recording.path.name} · {result.estimates.observer}")
-    recording.send_blueprint(layout(result, drawn, target.whole(result.estimates.t)))
+    recording.send_blueprint(layout(result, drawn, target.whole(t)))
     target.static("summary", rr.TextDocument(markdown(result), media_type="text/markdown"))
     log_scene(target, result)
     for plot in drawn:
-        plot.log(target)
+        plot.log(target, result.samples.t[result.samples.restart])
     log_states(target, result)
-    recording.flush()
 
 
-def _start(result: Result) -> int:
-    return int(result.estimates.t[0]) if len(result.estimates.t) else 0
+@contextmanager
+def _saved(recording: rr.RecordingStream, file: BinaryIO) -> Iterator[None]:
+    """Have a recording written by us, as it comes.
+
+    When the library itself writes to a disk that is full, it tells so in its own log only, and may
+    wait for ever. Through its memory it would hold the whole recording, more than once.
+    """
+    if os.name != "posix":  # no path leads to a pipe: through memory then
+        encoded = rr.binary_stream(recording)
+        yield
+        file.write(encoded.read() or b"")
+        return
+    source, sink = os.pipe()
+    with ThreadPoolExecutor(1) as pool:
+        copied = pool.submit(_copy, source, file)
+        try:
+            recording.save(f"/dev/fd/{sink}")
+        finally:
+            os.close(sink)  # the library has opened its own
+        try:
+            yield
+        finally:
+            recording.disconnect()
+        copied.result()
+
+
+def _copy(source: int, file: BinaryIO) -> None:
+    """Write what comes through a pipe, and empty the pipe even when the file takes no more."""
+    with os.fdopen(source, "rb", buffering=0) as pipe:
+        try:
+            shutil.copyfileobj(pipe, file, BLOCK)
+            file.flush()
+        except OSError:
+            while pipe.read(BLOCK):
+                pass
+            raise
 
 
 @contextmanager

@@ -1,4 +1,6 @@
+import errno
 import json
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -9,8 +11,11 @@ from numpy.testing import assert_array_equal
 from results import SECOND, UTC, result
 from rosbags.highlevel import AnyReader
 
+from attest import writers
+from attest.errors import WriteError
 from attest.geometry import quaternion
 from attest.recording import Clock, Signal
+from attest.writers import mcap_file
 from attest.writers.mcap import LAST_STAMP, write_mcap
 
 TOPICS = {
@@ -313,3 +318,27 @@ def test_run_without_estimates_is_written(tmp_path):
         recording=replace(made.recording, signals={}),
     )
     assert summary(written(tmp_path, made)).statistics.message_count == 0
+
+
+def test_full_disk_is_one_line_and_leaves_the_old_file(made, tmp_path, monkeypatch):
+    path = tmp_path / "fts.mcap"
+    path.write_bytes(b"old")
+
+    def refuse(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(mcap_file, "add_chunk", refuse)
+    with pytest.raises(WriteError) as caught:
+        write_mcap(path, made)
+    assert str(caught.value) == (
+        f"{path}: cannot write: No space left on device. "
+        "Free some space, or choose another folder with --output."
+    )
+    assert path.read_bytes() == b"old"
+    assert [other.name for other in tmp_path.iterdir()] == ["fts.mcap"]
+
+
+def test_every_output_is_written_by_its_observers_name(made, tmp_path):
+    paths = list(writers.write(made, tmp_path / "flight"))
+    assert [path.name for path in paths] == ["fts.mcap", "fts.rrd", "fts.json"]
+    assert sorted(paths) == sorted((tmp_path / "flight").iterdir())

@@ -1,3 +1,6 @@
+import errno
+import io
+import os
 import shutil
 import subprocess
 import sys
@@ -13,6 +16,7 @@ from results import SECOND, UTC, result
 from attest.geometry import quaternion
 from attest.writers.mcap import write_mcap
 from attest.writers.rerun import recording_id, write_rerun
+from attest.writers.rerun_recording import record
 
 BODY = "/world/estimate/fts"
 REFERENCE = "/world/reference/SIMSTATE"
@@ -174,3 +178,25 @@ def test_long_run_is_sent_in_chunks_that_join(tmp_path):
     t, q_xyzw = rotations(written(tmp_path, made), BODY)
     assert_array_equal(t, made.estimates.t + UTC)
     assert_array_equal(q_xyzw, quaternion.to_xyzw(made.estimates.q).astype(np.float32))
+
+
+class FullDisk(io.BytesIO):
+    """A file that holds some bytes and no more."""
+
+    def write(self, data):
+        if self.tell() + len(data) > 1000:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return super().write(data)
+
+
+def test_full_disk_is_told_at_once(made, capfd):
+    with pytest.raises(OSError, match="No space left on device"):
+        record(FullDisk(), made, "full")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_error_while_logging_ends_the_recording(made, tmp_path, monkeypatch):
+    monkeypatch.setattr("attest.writers.rerun_recording.log_states", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        write_rerun(tmp_path / "fts.rrd", made)
+    assert not list(tmp_path.iterdir())
