@@ -63,7 +63,9 @@ def main() -> NoReturn:
         error.show()
         code = ConfigError.exit_code
     except MemoryError as error:
-        _complain(error, "not enough memory. Cut the log with --start and --end.", debug=debug)
+        _complain(
+            error, "not enough memory for this log. Cut it, or use a larger machine.", debug=debug
+        )
         code = 1
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -135,7 +137,7 @@ def run(
     for log in found:
         try:
             rrd = _run_one(log, configuration, output, found, quiet=quiet, as_json=as_json)
-        except ReadError as error:
+        except AttestError as error:
             if len(found) == 1:
                 raise
             failed += 1
@@ -290,7 +292,7 @@ def list_observers(*, name: str | None) -> None:
         )
 
 
-@cli.group(name="config")
+@cli.group(name="config", epilog="\b\nExample:\n  attest config show fts > mine.yaml\n")
 def configuration() -> None:
     """Check and print configurations."""
 

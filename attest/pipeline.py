@@ -98,11 +98,12 @@ def folder_for(result: Result, output: Path, logs: Sequence[Path]) -> Path:
     made from a log at another path.
     """
     log = result.recording.path
-    folder = output / log.stem
-    first = next(other for other in logs if other.stem == log.stem)
+    stem = log.stem.strip(".") or "log"  # a stem of dots would lead out of the folder
+    folder = output / stem
+    first = next(other for other in logs if (other.stem.strip(".") or "log") == stem)
     if first == log and _owners(folder) <= {str(log.resolve())}:
         return folder
-    return output / f"{log.stem}-{str(result.summary['log']['sha256'])[:8]}"
+    return output / f"{stem}-{str(result.summary['log']['sha256'])[:8]}"
 
 
 def _owners(folder: Path) -> set[str]:

@@ -253,3 +253,34 @@ def test_interrupt_exits_130(sample_logs):
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 130
     assert "Traceback" not in done.stderr
+
+
+def test_a_log_whose_stem_is_dots_stays_in_the_output_folder(tmp_path, sample_logs):
+    log = tmp_path / "logs" / "...csv"
+    log.parent.mkdir()
+    log.write_bytes((sample_logs / "quadcopter_truth.csv").read_bytes())
+    done = attest("run", log, "--output", tmp_path / "out", "-q")
+    assert done.returncode == 0, done.stderr
+    assert [path.name for path in tmp_path.glob("*")] == ["logs", "out"] or not list(
+        tmp_path.glob("fts.*")
+    )
+    assert list((tmp_path / "out").glob("*/fts.json"))
+
+
+def test_one_log_that_does_not_suit_leaves_the_others_to_run(tmp_path, sample_logs):
+    done = attest("run", sample_logs, "--reference", "SIMSTATE", "--output", tmp_path, "-q")
+    assert done.returncode == 1
+    assert "no reference 'SIMSTATE'" in done.stderr
+    assert (tmp_path / "quadcopter" / "fts.json").is_file()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="names are text there")
+def test_a_name_that_is_not_utf_8_is_taken(tmp_path, sample_logs):
+    log = os.fsencode(tmp_path) + b"/fl\xffight.csv"
+    with open(log, "wb") as file:  # noqa: PTH123  (a name of bytes)
+        file.write((sample_logs / "quadcopter_truth.csv").read_bytes())
+    command = [*map(os.fsencode, ATTEST), b"run", log, b"-o", b"fts", b"-q", b"--output"]
+    done = subprocess.run(
+        [*command, os.fsencode(tmp_path / "out")], capture_output=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, b"")

@@ -443,3 +443,18 @@ def test_no_text_breaks_the_reading(tmp_path_factory, text):
     path.write_text(text, encoding="utf-8", errors="surrogatepass")
     with pytest.raises(ConfigError):
         config.read(path)
+
+
+def test_a_number_without_a_point_is_a_number(tmp_path):
+    path = tmp_path / "my.yaml"
+    path.write_text("observer: fts\ngains: {k_p: 1e-3, kappa: 2E1}\n")
+    document = config.override(config.read(path), ["gains.mu=5e-1"])
+    gains = config.validate(fts.Config, document, "my.yaml").gains
+    assert (gains.k_p, gains.kappa, gains.mu) == (1e-3, 20.0, 0.5)
+
+
+def test_a_key_that_stands_twice_is_refused(tmp_path):
+    path = tmp_path / "my.yaml"
+    path.write_text("observer: fts\ngains: {k_p: 1.0}\ngains: {k_p: 2.0}\n")
+    with pytest.raises(ConfigError, match="'gains' stands twice"):
+        config.read(path)

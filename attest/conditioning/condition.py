@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from attest.conditioning.accelerometer import accelerometer
 from attest.conditioning.magnetometer import magnetometer
 from attest.conditioning.measured import Measured, carried, usable
-from attest.conditioning.timeline import Timeline, restarts, substeps_of, timeline
+from attest.conditioning.timeline import Timeline, apart, gyroscope, restarts, substeps_of
 from attest.config import Conditioning, Configuration, Vector
 from attest.errors import ConfigError, ReadError
 from attest.recording import Note, Recording
@@ -25,31 +25,43 @@ def condition(recording: Recording, config: Configuration) -> tuple[Samples, tup
     ConfigError
         A vector's reference does not suit its signal.
     """
-    line, notes = timeline(recording, config)
-    restart, gaps = restarts(recording, line, config.conditioning)
-    substeps, slow = substeps_of(line.t, restart, config.conditioning.max_step_s)
+    gyro, notes = gyroscope(recording, config)
+    restart, gaps = restarts(recording, gyro.t, config.conditioning)
+    substeps, slow = substeps_of(gyro.t, restart, config.conditioning.max_step_s)
     notes += gaps + slow
-    names: list[str] = []
-    vectors: list[Measured] = []
-    for vector in _vectors(recording, config):
-        measured, told = _measure(recording, line, vector, vectors, config.conditioning)
-        names.append(vector.signal)
-        vectors.append(measured)
+    recording, line = apart(recording, gyro, restart)
+    wanted = _vectors(recording, config)
+    found: dict[str, Measured] = {}
+    # the magnetometer last: its dip may be told by any of the others
+    for vector in sorted(wanted, key=lambda vector: vector.signal == "mag"):
+        before = list(found.values())
+        found[vector.signal], told = _measure(recording, line, vector, before, config.conditioning)
         notes += told
-    if not vectors:
-        text = "no direction is measured: the attitude is the gyroscope's integral from its start"
-        notes.append(Note(text, doubt=True))
+    vectors = [found[vector.signal] for vector in wanted]
     samples = Samples(
-        t=line.t,
-        gyro=line.gyro,
-        body=_stack([vector.body for vector in vectors], len(line.t)),
+        t=gyro.t,
+        gyro=gyro.y,
+        body=_stack([vector.body for vector in vectors], len(gyro.t)),
         inertial=_stack([vector.inertial for vector in vectors], 1),
-        valid=_valid(vectors, len(line.t)),
-        names=tuple(names),
+        valid=_valid(vectors, len(gyro.t)),
+        names=tuple(vector.signal for vector in wanted),
         substeps=substeps,
         restart=restart,
     )
-    return samples, tuple(notes)
+    return samples, (*notes, *_unobservable(samples.names))
+
+
+def _unobservable(names: tuple[str, ...]) -> tuple[Note, ...]:
+    """Say what too few directions leave open."""
+    if not names:
+        text = "no direction is measured: the attitude is the gyroscope's integral from its start"
+    elif len(names) == 1:
+        text = (
+            f"{names[0]!r} is the only direction: the turn about it is not observable, and drifts"
+        )
+    else:
+        return ()
+    return (Note(text, doubt=True),)
 
 
 def _vectors(recording: Recording, config: Configuration) -> tuple[Vector, ...]:

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from attest.geometry import quaternion, so3
-from attest.geometry.jit import kernel
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -18,21 +17,16 @@ Stamps = NDArray[np.int64]
 NEVER = np.iinfo(np.int64).max
 
 
-@kernel
-def _integrate(h: Array, gyro: Array, D: Array) -> None:
-    """Fill D (n, 4): D[i+1] = D[i] exp(h[i] (gyro[i] + gyro[i+1])/2)."""
-    q = (1.0, 0.0, 0.0, 0.0)
-    for i in range(len(D)):
-        D[i, 0], D[i, 1], D[i, 2], D[i, 3] = q
-        if i + 1 < len(D):
-            mean = so3.scale(0.5 * h[i], so3.add(so3.row(gyro, i), so3.row(gyro, i + 1)))
-            q = so3.normalize(so3.multiply(q, so3.exp(mean)))
+def integrate(t: Stamps, gyro: Array, restart: NDArray[np.bool_] | None = None) -> Array:
+    """Return the gyroscope's frame at its stamps, body to frame, shape (n, 4).
 
-
-def integrate(t: Stamps, gyro: Array) -> Array:
-    """Return the gyroscope's frame at its stamps, body to frame, shape (n, 4)."""
+    It stands still over the step to a restart, of which the gyroscope tells nothing.
+    """
+    h = np.diff(t) * 1e-9
+    if restart is not None:
+        h[restart[1:]] = 0.0
     D = np.empty((len(t), 4))
-    _integrate(np.diff(t) * 1e-9, gyro, D)
+    so3.integrate(h, gyro, D)
     return D
 
 

@@ -11,6 +11,8 @@ Array = NDArray[np.float64]
 
 EARLIEST, LATEST = 2010.0, 2030.0
 """Years that the models at hand cover."""
+LOWEST, HIGHEST = -12e3, 850e3
+"""Altitudes between which the model holds, m: from the deepest sea to a low orbit."""
 DIP_TOLERANCE_DEG = 5.0
 """The log's dip may differ by this much from the model's before the log's own is used."""
 
@@ -24,8 +26,11 @@ def field(recording: Recording) -> tuple[Array, list[Note]] | None:
 
     if "position" not in recording.signals:
         return None
-    latitude, longitude, altitude = np.median(recording.signals["position"].y, axis=0)
-    if abs(latitude) > 90.0 or abs(longitude) > 180.0:
+    place = recording.signals["position"].y
+    latitude, altitude = np.median(place[:, 0]), np.median(place[:, 2])
+    longitude = np.median(np.unwrap(place[:, 1], period=360.0))  # also across the date line
+    longitude = (longitude + 180.0) % 360.0 - 180.0
+    if np.median(np.abs(place[:, 1])) > 180.0 or abs(latitude) > 90.0 or not LOWEST < altitude < HIGHEST:
         return None
     year, notes = _year(recording)
     model = GeoMag(base_year=datetime(int(min(year, LATEST - 1)), 7, 1, tzinfo=UTC))

@@ -1,6 +1,6 @@
 """One timeline at the gyroscope's stamps: its gaps, and how each step is divided."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,12 +8,14 @@ from numpy.typing import NDArray
 from attest.conditioning import frame
 from attest.config import Conditioning, Configuration
 from attest.errors import ReadError
-from attest.recording import Note, Recording, seconds
+from attest.recording import Note, Recording, Signal, seconds
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 SECOND = 1_000_000_000
+BREAK = 10_000 * SECOND
+"""Between stretches; no setting lets a vector or a smoothing reach that far."""
 MOST_SUBSTEPS = 100
 """In one step, so that work grows with the log's size and not with the time it spans."""
 FASTEST = 1e3
@@ -29,7 +31,7 @@ class Timeline:
     D: Array
 
 
-def timeline(recording: Recording, config: Configuration) -> tuple[Timeline, list[Note]]:
+def gyroscope(recording: Recording, config: Configuration) -> tuple[Signal, list[Note]]:
     """Cut the gyroscope to the time that is asked for, and leave out what it cannot measure."""
     gyro = recording.require("gyro")
     at = seconds(gyro.t, int(gyro.t[0]))
@@ -49,27 +51,44 @@ def timeline(recording: Recording, config: Configuration) -> tuple[Timeline, lis
         )
     text = f"gyroscope sample of over {FASTEST:g} rad/s left out"
     notes = [Note(text, wild, doubt=True)] if wild else []
-    t, y = gyro.t[sane], gyro.y[sane]
-    return Timeline(t, y, frame.integrate(t, y)), notes
+    return Signal(gyro.t[sane], gyro.y[sane], gyro.source), notes
+
+
+def apart(
+    recording: Recording, gyro: Signal, restart: NDArray[np.bool_]
+) -> tuple[Recording, Timeline]:
+    """Set the stretches between restarts far apart, so that nothing reaches from one to another.
+
+    Neither smoothing nor interpolation nor a vector's age goes across a restart then; the clock of
+    what is returned is for conditioning only.
+    """
+    D = frame.integrate(gyro.t, gyro.y, restart)
+    edges = gyro.t[restart][1:]
+    if not len(edges):
+        return recording, Timeline(gyro.t, gyro.y, D)
+
+    def moved(t: Stamps) -> Stamps:
+        return t + np.searchsorted(edges, t, side="right") * BREAK
+
+    signals = {name: replace(s, t=moved(s.t)) for name, s in recording.signals.items()}
+    return replace(recording, signals=signals), Timeline(moved(gyro.t), gyro.y, D)
 
 
 def restarts(
-    recording: Recording, line: Timeline, config: Conditioning
+    recording: Recording, t: Stamps, config: Conditioning
 ) -> tuple[NDArray[np.bool_], list[Note]]:
     """Mark the first step, and those after a reboot or a gap that is too long to bridge."""
-    gaps = np.diff(line.t) > config.restart_gap_s * SECOND
-    reboots = np.isin(
-        np.arange(len(line.t)), np.searchsorted(line.t, np.array(recording.restarts, np.int64))
-    )
+    gaps = np.diff(t) > config.restart_gap_s * SECOND
+    reboots = np.isin(np.arange(len(t)), np.searchsorted(t, np.array(recording.restarts, np.int64)))
     restart = reboots | np.concatenate([[True], gaps])
     notes = []
     if gaps.any():
         text = f"gap of over {config.restart_gap_s:g} s: the observer starts anew after it"
         notes.append(Note(text, int(gaps.sum()), doubt=True))
-    period = np.median(np.diff(line.t))
-    bridged = (np.diff(line.t) > 5 * period) & ~restart[1:]
+    period = np.median(np.diff(t))
+    bridged = (np.diff(t) > 5 * period) & ~restart[1:]
     if bridged.any():
-        longest = np.diff(line.t)[bridged].max() * 1e-9
+        longest = np.diff(t)[bridged].max() * 1e-9
         text = f"gap in the gyroscope bridged by interpolation, the longest {longest:.2f} s"
         notes.append(Note(text, int(bridged.sum())))
     return restart, notes
@@ -85,8 +104,9 @@ def substeps_of(
     rate = 1e9 / np.median(h[:-1])
     if (substeps > 1).mean() < 0.5:
         return substeps, []
+    longest = float((h[:-1] / substeps[:-1])[~restart[1:]].max(initial=0)) * 1e-6
     text = (
-        f"gyroscope at {rate:.1f} Hz, interpolated to steps of at most {max_step * 1e3:g} ms: "
-        "motion faster than that is not in the log"
+        f"gyroscope at {rate:.1f} Hz, interpolated to steps of at most {longest:.3g} ms: motion "
+        "faster than the log is not in it"
     )
     return substeps, [Note(text, doubt=bool(rate < 20.0))]

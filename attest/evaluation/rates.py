@@ -13,6 +13,8 @@ LONGEST_OFFSET = 2.0
 """Time offsets up to this are looked for, s."""
 SMOOTHING = 0.1
 """Rates are compared as means over this long at least, s."""
+GAP = 5
+"""A step of more than this many times the median is a gap."""
 CORRELATION = 0.7
 """Least correlation at which an offset is believed."""
 MOST_TIMES = 20_000
@@ -90,7 +92,9 @@ def constant_bias(t: Stamps, gyro: Array, q_ref: Array) -> Array | None:
     shape (3,), or None
         None where truth has no two neighbours.
     """
+    steps = np.diff(t)
     both = np.isfinite(q_ref[:-1]).all(axis=1) & np.isfinite(q_ref[1:]).all(axis=1)
+    both &= steps <= GAP * np.median(steps)  # across a gap the gyroscope is a guess
     if not both.any():
         return None
     h = np.diff(t)[both] * 1e-9

@@ -18,6 +18,9 @@ from attest.samples import Samples
 
 Array = NDArray[np.float64]
 
+NEAR = 60_000_000_000
+"""How far the gyroscope is believed when it leads back to a start, nanoseconds."""
+
 
 @dataclass(frozen=True, slots=True)
 class Observer:
@@ -54,15 +57,31 @@ def initial_attitude(samples: Samples, part: slice, initial: Initial) -> Array:
 
     A given attitude holds for the first stretch only; later ones start from their first vectors.
     ``triad`` solves Wahba's problem for the vectors of the first step, which for two directions
-    trusts both alike; with one, heading (or tilt) is zero as far as the vector leaves it open.
+    trusts both alike; where the second comes later, the gyroscope leads back from there. With one,
+    heading (or tilt) is zero as far as the vector leaves it open.
     """
     if part.start == 0 and initial.attitude == "identity":
         return np.array([1.0, 0.0, 0.0, 0.0])
     if part.start == 0 and not isinstance(initial.attitude, str):
         return quaternion.normalize(np.array(initial.attitude))
-    valid = samples.valid[part.start]
-    known = samples.inertial[0 if len(samples.inertial) == 1 else part.start][valid]
-    return wahba.attitude(known, samples.body[part.start][valid])
+    first = _first_with_two(samples, part)
+    at = part.start + first
+    valid = samples.valid[at]
+    known = samples.inertial[0 if len(samples.inertial) == 1 else at][valid]
+    q = wahba.attitude(known, samples.body[at][valid])
+    if not first:
+        return q
+    D = np.empty((first + 1, 4))
+    so3.integrate(np.diff(samples.t[part.start : at + 1]) * 1e-9, samples.gyro[part], D)
+    return quaternion.multiply(q, quaternion.conjugate(D[-1]))
+
+
+def _first_with_two(samples: Samples, part: slice) -> int:
+    """Return the first step of a stretch with two vectors, if it is near; else its very first."""
+    two = samples.valid[part].sum(axis=1) >= 2
+    first = int(two.argmax()) if two.any() else 0
+    near = samples.t[part][first] - samples.t[part][0] <= NEAR
+    return first if near else 0
 
 
 def refuse_divergence(name: str, t: NDArray[np.int64], states: Array) -> None:

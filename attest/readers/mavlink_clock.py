@@ -203,11 +203,13 @@ def falls(now: Mapping[str, Times]) -> list[Fall]:
         for i in (np.flatnonzero(np.diff(times.t) < 0) + 1).tolist()
     )
     found: list[Fall] = []
-    while single:
-        cut = single[0][0]
+    first = 0
+    while first < len(single):
+        cut, stop = single[first][0], first + 1
         # each fell somewhere between two of its messages: one cut can lie in all these intervals
-        count = next((k for k, fall in enumerate(single) if fall[1] >= cut), len(single))
-        same, single = single[:count], single[count:]
+        while stop < len(single) and single[stop][1] < cut:
+            stop += 1
+        same, first = single[first:stop], stop
         depth = max(fall[3] for fall in same)
         if depth > REBOOT:
             found.append(Fall(cut, depth, frozenset(fall[2] for fall in same)))

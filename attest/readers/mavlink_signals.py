@@ -73,9 +73,11 @@ def columns(rows: Rows, *names: str) -> Array:
 
 def _euler(rows: Rows) -> Values:
     angles = columns(rows, "roll", "pitch", "yaw")
+    # level and north is an attitude, but not throughout
+    held = np.full(len(angles), bool(np.any(angles != 0.0)))
     # not a number and infinity are left for the caller to drop
     with np.errstate(invalid="ignore"):
-        return quaternion.from_euler(*angles.T), np.any(angles != 0.0, axis=1)
+        return quaternion.from_euler(*angles.T), held
 
 
 def _four(rows: Rows) -> Values:

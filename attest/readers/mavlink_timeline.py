@@ -176,5 +176,5 @@ def _advancing(name: str, times: Times, total: int, notes: list[Note]) -> tuple[
         (int((~later).sum()), "with a repeated or earlier time"),
     ):
         if count:
-            notes.append(Note(f"{name} {what} dropped", count))
+            notes.append(Note(f"{name} {what} dropped", count, doubt=count > 0.01 * total))
     return sound.t[later], sound.row[later]

@@ -213,7 +213,6 @@ def _reference(log: _Log, name: str) -> Reference | None:
     if not held.any():
         log.notes.append(Note(f"{name} without an attitude throughout: not used"))
         return None
-    # zero now and then is an attitude, zero throughout is not
     t, rows = _usable(log, name, q, held, table, "attitude", foreign)
     if not len(t):
         return None

@@ -47,3 +47,8 @@ def plain(value: object) -> object:
             return [plain(item) for item in value]
         case _:
             return str(value)
+
+
+def clean(text: str) -> str:
+    """Replace what UTF-8 cannot hold: lone surrogates, from file names in other encodings."""
+    return text.encode("utf-8", "replace").decode("utf-8")

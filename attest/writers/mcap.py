@@ -19,7 +19,7 @@ from attest.recording import Clock
 from attest.result import Result
 from attest.writers import mcap_file
 from attest.writers.cdr import Field, repeat, row
-from attest.writers.json import plain, to_json
+from attest.writers.json import clean, plain, to_json
 from attest.writers.mcap_file import Rows
 from attest.writers.ros2_messages import definition
 from attest.writers.topics import Stream, streams
@@ -144,8 +144,3 @@ def _flat(value: object, path: str = "") -> Iterator[tuple[str, str]]:
             yield from _flat(item, f"{path}.{key}" if path else str(key))
     else:
         yield clean(path), clean(value if isinstance(value, str) else to_json(value))
-
-
-def clean(text: str) -> str:
-    """Replace what UTF-8 cannot hold: lone surrogates, from file names in other encodings."""
-    return text.encode("utf-8", "replace").decode("utf-8")

@@ -10,6 +10,7 @@ from typing import BinaryIO
 import rerun as rr
 
 from attest.result import Result
+from attest.writers.json import clean
 from attest.writers.rerun_layout import layout
 from attest.writers.rerun_plots import plots
 from attest.writers.rerun_scene import log_scene
@@ -32,9 +33,10 @@ def _log(recording: rr.RecordingStream, result: Result) -> None:
     t = result.estimates.t
     target = Target(recording, result.recording.clock, int(t[0]) if len(t) else 0)
     drawn = plots(result)
-    recording.send_recording_name(f"{result.recording.path.name} · {result.estimates.observer}")
+    name = f"{result.recording.path.name} · {result.estimates.observer}"
+    recording.send_recording_name(clean(name))
     recording.send_blueprint(layout(result, drawn, target.whole(t)))
-    target.static("summary", rr.TextDocument(markdown(result), media_type="text/markdown"))
+    target.static("summary", rr.TextDocument(clean(markdown(result)), media_type="text/markdown"))
     log_scene(target, result)
     for plot in drawn:
         plot.log(target, result.samples.t[result.samples.restart])

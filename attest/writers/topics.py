@@ -51,7 +51,7 @@ def streams(result: Result) -> list[Stream]:
     every = [
         *_of_observer(result.estimates, result.recording, result.samples.names),
         *(_of_metrics(result.metrics, result.estimates) if result.metrics else ()),
-        *_of_recording(result.recording, topic_name(result.estimates.observer)),
+        *_of_recording(result),
     ]
     filled = [stream for stream in every if len(stream.t)]
     return [*_static(filled, result.recording.world), *filled]
@@ -94,14 +94,17 @@ def _of_metrics(metrics: Metrics, estimates: Estimates) -> Iterator[Stream]:
     )
 
 
-def _of_recording(recording: Recording, body: str) -> Iterator[Stream]:
-    if (mag := recording.signals.get("mag")) is not None:
+def _of_recording(result: Result) -> Iterator[Stream]:
+    """Lay out the magnetometer at its own stamps, within the run."""
+    t = result.estimates.t
+    if (mag := result.recording.signals.get("mag")) is not None and len(t):
+        within = slice(*np.searchsorted(mag.t, [t[0], t[-1] + 1]).tolist())
         yield _stamped(
             "/attest/mag",
             "sensor_msgs/msg/MagneticField",
-            mag.t,
-            body,
-            {"magnetic_field": mag.y},
+            mag.t[within],
+            topic_name(result.estimates.observer),
+            {"magnetic_field": mag.y[within]},
             (Field("covariance", "<f8", COVARIANCE),),
         )
 

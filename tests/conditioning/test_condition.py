@@ -447,3 +447,57 @@ def test_the_notes_of_a_clean_flight_hold_one_doubt_only():
     assert [note.text for note in notes if note.doubt] == [
         note.text for note in notes if "magnetic north" in note.text
     ]
+
+
+def test_a_magnetometer_named_first_changes_nothing():
+    log = flight(duration=20.0)
+    orders = [("accel", "mag"), ("mag", "accel")]
+    found = [condition(log, settings([{"signal": s} for s in order]))[0] for order in orders]
+    assert found[1].names == ("mag", "accel")
+    assert_allclose(found[1].inertial[:, ::-1], found[0].inertial, atol=1e-15)
+
+
+def test_one_direction_alone_is_told_to_leave_a_turn_open():
+    log = flight(duration=5.0)
+    _, notes = condition(log, settings([{"signal": "accel"}]))
+    (told,) = [note for note in notes if "only direction" in note.text]
+    assert told.doubt
+    assert "drifts" in told.text
+
+
+def test_nothing_reaches_across_a_restart():
+    """A vehicle that was turned by 90° while it was off, its magnetometer slower than its gyro."""
+
+    def rolling(seconds):
+        return quaternion.from_euler(0.1 * np.sin(seconds), 0.0 * seconds, 0.0 * seconds)
+
+    def turned(seconds):
+        return quaternion.from_euler(0.1 * np.sin(seconds), 0.0 * seconds, (seconds >= 10.0) * 1.5)
+
+    t, slow = stamps(100.0, 20.0), stamps(7.0, 20.0)
+    signals = {
+        "gyro": gyro(rolling, t),
+        "accel": seen(turned, slow, [0.0, 0.0, -9.81]),
+        "mag": seen(turned, slow, FIELD),
+    }
+    log = replace(recording(signals), restarts=(int(START + 10 * SECOND),))
+    samples, _ = condition(log, settings())
+    expected = body(turned, at(t), FIELD / np.linalg.norm(FIELD))
+    far = np.arccos(np.clip(np.sum(samples.body[:, 1] * expected, axis=1), -1.0, 1.0))
+    assert samples.restart.sum() == 2
+    assert np.rad2deg(far).max() < 3.0
+
+
+def test_a_second_direction_that_comes_late_is_led_back_to_the_start():
+    t = stamps(100.0, 20.0)
+    signals = {
+        "gyro": gyro(tumbling, t),
+        "accel": seen(tumbling, t, [0.0, 0.0, -9.81]),
+        "mag": seen(tumbling, t[300:], FIELD),
+    }
+    config = settings(conditioning=Conditioning(max_age_s=0.1))
+    samples, _ = condition(recording(signals), config)
+    assert not samples.valid[0, 1]
+    found = fts.estimate(samples, config).q[:1]
+    declination = np.rad2deg(np.arctan2(FIELD[1], FIELD[0]))  # without a place, magnetic north
+    assert angle_deg(found, tumbling(at(t))[:1]).max() < declination + 1.0

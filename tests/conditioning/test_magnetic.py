@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from flights import gyro, recording, resting, stamps
@@ -85,7 +87,22 @@ def test_without_a_place_there_is_no_field():
     assert magnetic.field(log_at(2024.5, 0.0, 181.0, 0.0)) is None
 
 
-@pytest.mark.parametrize("altitude", [-1e3, 0.0, 1e5, 1e9, -1e9])
+@pytest.mark.parametrize("altitude", [1e300, 1e9, -1e9, -6.4e6])
+def test_an_altitude_beyond_the_model_is_no_place(altitude):
+    assert magnetic.field(log_at(2024.5, 47.0, 8.0, altitude)) is None
+
+
+def test_a_flight_across_the_date_line_is_there_and_not_in_greenwich():
+    there, _ = magnetic.field(log_at(2024.5, 10.0, 180.0, 0.0))
+    log = log_at(2024.5, 10.0, 180.0, 0.0)
+    t = np.arange(4)
+    places = [[10.0, lon, 0.0] for lon in (179.99, -179.99, 179.98, -179.98)]
+    signals = {**log.signals, "position": Signal(t, np.array(places))}
+    across, _ = magnetic.field(replace(log, signals=signals))
+    assert_allclose(across, there, rtol=1e-3)
+
+
+@pytest.mark.parametrize("altitude", [-1e3, 0.0, 1e5])
 @pytest.mark.parametrize("latitude", [-90.0, 0.0, 90.0])
 def test_no_place_on_earth_breaks_the_model(latitude, altitude):
     found, _ = magnetic.field(log_at(2024.5, latitude, 180.0, altitude))

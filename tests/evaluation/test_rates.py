@@ -81,3 +81,15 @@ def test_truth_without_two_neighbours_tells_no_bias():
     assert rates.constant_bias(t, np.zeros((10, 3)), q) is None
     q[::2] = [1.0, 0.0, 0.0, 0.0]
     assert rates.constant_bias(t, np.zeros((10, 3)), q) is None
+
+
+def test_a_gap_does_not_tell_the_bias():
+    """The gyroscope is silent for two seconds of a turn; truth is not."""
+    t = np.concatenate([np.arange(0.0, 10.0, 0.02), np.arange(12.0, 20.0, 0.02)])
+    stamps = np.round(t * 1e9).astype(np.int64)
+    yaw = 2.0 * np.cos(t)
+    q = quaternion.from_euler(0.0 * t, 0.0 * t, yaw)
+    middle = t + 0.01
+    bias = np.array([0.01, 0.02, 0.03])
+    gyro = np.stack([0.0 * t, 0.0 * t, -2.0 * np.sin(middle)], axis=1) + bias
+    assert_allclose(rates.constant_bias(stamps, gyro, q), bias, atol=1e-4)

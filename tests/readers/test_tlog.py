@@ -447,3 +447,13 @@ def refusal(path):
         readers.read(path)
     except ReadError as error:
         return str(error)
+
+
+def test_times_that_only_fall_take_time_in_proportion_to_the_log():
+    from attest.readers import mavlink_clock as clock
+
+    n = 100_000
+    t = np.arange(n)[::-1] * clock.SECOND
+    index = np.arange(n)
+    times = clock.Times(index, t, np.zeros(n, np.int64), index, np.zeros(n, np.bool_))
+    assert len(clock.falls({"RAW_IMU": times})) == n - 1  # minutes, were it quadratic
