@@ -30,3 +30,5 @@ class Samples:
     """In how many sub-steps to go from each step to the next, shape (n,)."""
     restart: NDArray[np.bool_]
     """Steps at which an observer must start anew: the first, and after each gap, shape (n,)."""
+    field: NDArray[np.float64] | None = None
+    """The magnetic model's field in the world, tesla, shape (3,), where the log has a place."""

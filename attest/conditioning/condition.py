@@ -47,6 +47,7 @@ def condition(recording: Recording, config: Configuration) -> tuple[Samples, tup
         names=tuple(vector.signal for vector in wanted),
         substeps=substeps,
         restart=restart,
+        field=found["mag"].field if "mag" in found else None,
     )
     return samples, (*notes, *_unobservable(samples.names))
 

@@ -30,7 +30,8 @@ def field(recording: Recording) -> tuple[Array, list[Note]] | None:
     latitude, altitude = np.median(place[:, 0]), np.median(place[:, 2])
     longitude = np.median(np.unwrap(place[:, 1], period=360.0))  # also across the date line
     longitude = (longitude + 180.0) % 360.0 - 180.0
-    if np.median(np.abs(place[:, 1])) > 180.0 or abs(latitude) > 90.0 or not LOWEST < altitude < HIGHEST:
+    on_earth = np.median(np.abs(place[:, 1])) <= 180.0 and abs(latitude) <= 90.0
+    if not (on_earth and LOWEST < altitude < HIGHEST):
         return None
     year, notes = _year(recording)
     model = GeoMag(base_year=datetime(int(min(year, LATEST - 1)), 7, 1, tzinfo=UTC))

@@ -32,16 +32,20 @@ def magnetometer(
         notes.append(Note(f"magnetometer {late:.2f} s late against the gyroscope: put right"))
         signal = Signal(signal.t - round(late * SECOND), signal.y, signal.source)
     body = carried(line, signal, np.array([[1.0, 0.0, 0.0]]), config)
-    known, told = _field(recording, body, before, reference)
-    return Measured(body.body, known[np.newaxis], body.valid), notes + told
+    model = None if reference == "north" else magnetic.field(recording)
+    dip = _dip_of_log(body, before, recording.world)
+    known, told = _direction(recording, dip, model, reference)
+    field_w = None if model is None else model[0]
+    return Measured(body.body, known[np.newaxis], body.valid, field_w), notes + told
 
 
-def _field(
-    recording: Recording, mag: Measured, before: list[Measured], reference: str | None
+def _direction(
+    recording: Recording,
+    dip: float | None,
+    model: tuple[Array, list[Note]] | None,
+    reference: str | None,
 ) -> tuple[Array, list[Note]]:
     """Return the field's direction in the world, shape (3,)."""
-    dip = _dip_of_log(mag, before, recording.world)
-    model = None if reference == "north" else magnetic.field(recording)
     if model is None:
         if reference == "magnetic":
             raise ReadError(

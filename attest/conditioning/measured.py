@@ -24,6 +24,8 @@ class Measured:
     inertial: Array
     """Shape (n, 3), or (1, 3) where constant."""
     valid: NDArray[np.bool_]
+    field: Array | None = None
+    """Of a magnetometer, the model's field in the world, tesla, shape (3,)."""
 
 
 def usable(signal: Signal) -> tuple[Signal, list[Note]]:

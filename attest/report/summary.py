@@ -12,6 +12,7 @@ import numpy as np
 
 import attest
 from attest.errors import ReadError
+from attest.geometry import quaternion
 from attest.metrics import Metrics, Statistics
 from attest.report.info import describe, notes
 from attest.result import Result
@@ -97,7 +98,25 @@ def _consistency(result: Result) -> dict[str, Any]:
         norm = np.linalg.norm(result.recording.signals["mag"].y, axis=1) * 1e6
         figures["field_ut_median"] = float(np.median(norm))
         figures["field_ut_spread"] = float(np.percentile(norm, 95) - np.percentile(norm, 5))
-    return figures
+    return figures | _against_model(result)
+
+
+def _against_model(result: Result) -> dict[str, Any]:
+    """Return strength and dip of the field by the model, and the dip that the estimate gives."""
+    samples = result.samples
+    if samples.field is None or "mag" not in samples.names:
+        return {}
+    column = samples.names.index("mag")
+    seen = quaternion.rotate(result.estimates.q, samples.body[:, column])[samples.valid[:, column]]
+    down = 1.0 if result.recording.world == "ned" else -1.0
+    strength = float(np.linalg.norm(samples.field))
+    return {
+        "field_ut_model": strength * 1e6,
+        "dip_deg_model": float(np.rad2deg(np.arcsin(down * samples.field[2] / strength))),
+        "dip_deg_median": float(np.rad2deg(np.arcsin(np.clip(down * np.median(seen[:, 2]), -1, 1))))
+        if len(seen)
+        else None,
+    }
 
 
 def _growth(result: Result) -> float | None:

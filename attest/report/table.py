@@ -84,11 +84,25 @@ def _state(summary: Mapping[str, Any]) -> list[str]:
     bias = np.rad2deg(np.array(summary["estimates"]["gyro_bias"]))
     consistency = summary["consistency"]
     used = ", ".join(f"{name} {share:.0%}" for name, share in consistency["used"].items())
-    return [
+    lines = [
         f"  gyro bias   {_vector(bias)} °/s at the end",
         f"  residual    |s_L| {consistency['s_norm_rms']:.3g} RMS, Wahba cost "
         f"{consistency['cost_mean']:.3g} mean; used {used or 'no vector'}",
     ]
+    if "field_ut_median" in consistency:
+        lines.append(f"  field       {_field(consistency)}")
+    return lines
+
+
+def _field(consistency: Mapping[str, Any]) -> str:
+    """Return the field's strength and dip, against the model where there is one."""
+    text = f"{consistency['field_ut_median']:.1f} µT"
+    if "field_ut_model" not in consistency:
+        return text
+    dip = consistency["dip_deg_median"]
+    by_estimate = "" if dip is None else f", dip {dip:+.1f}°"
+    model = f"{consistency['field_ut_model']:.1f} µT, dip {consistency['dip_deg_model']:+.1f}°"
+    return f"{text}{by_estimate}; the model has {model}"
 
 
 def _vector(v: Any) -> str:
