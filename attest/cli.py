@@ -57,10 +57,12 @@ def main() -> NoReturn:
     except AttestError as error:
         _complain(error, str(error), debug=debug)
         code = error.exit_code
-    except click.exceptions.Abort:
-        code = INTERRUPTED
+    except click.UsageError as error:
+        command = error.ctx.command_path if error.ctx else "attest"
+        click.echo(f"attest: {error.format_message()} See `{command} -h`.", err=True)
+        code = ConfigError.exit_code
     except click.ClickException as error:
-        error.show()
+        click.echo(f"attest: {error.format_message()}", err=True)
         code = ConfigError.exit_code
     except MemoryError as error:
         _complain(
@@ -70,7 +72,7 @@ def main() -> NoReturn:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = 0
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, click.exceptions.Abort):
         click.echo("attest: interrupted.", err=True)
         code = INTERRUPTED
     sys.exit(code or 0)
@@ -85,7 +87,12 @@ def _complain(error: Exception, text: str, *, debug: bool) -> None:
 
 
 quiet_option = click.option("--quiet", "-q", is_flag=True, help="Print errors only.")
-json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
+json_option = click.option(
+    "--json",
+    "as_json",
+    is_flag=True,
+    help="Print JSON instead of text; of several logs, a line each.",
+)
 
 
 @cli.command(
@@ -170,10 +177,14 @@ def _logs(named: Sequence[str]) -> list[Path]:
     ------
     ReadError
         A folder holds none.
+    ConfigError
+        A name is empty, which would stand for the working folder.
     """
     from attest import readers
 
     logs = []
+    if "" in named:
+        raise ConfigError("an empty name for a log. Name a log, or a folder with logs.")
     for path in map(Path, named):
         if not path.is_dir():
             logs.append(path)
@@ -207,7 +218,9 @@ def _run_one(
         folder = pipeline.folder_for(result, output, logs)
         written = pipeline.write(result, folder, on_stage)
     if as_json:
-        click.echo(written[-1].read_text(encoding="utf-8"), nl=False)
+        text = written[-1].read_text(encoding="utf-8")
+        # of several logs, a line each
+        click.echo(text if len(logs) == 1 else json.dumps(json.loads(text)) + "\n", nl=False)
     elif not quiet:
         click.echo(report.text_of_run(result.summary, written))
     return written[1]
@@ -265,11 +278,18 @@ def info(*, logs: tuple[str, ...], vehicle: str | None, world: Any, as_json: boo
 @click.argument("scenario")
 @click.option("--output", "-o", required=True, type=click.Path(path_type=Path), help="File.")
 @click.option("--truth", type=click.Path(path_type=Path), help="True attitude, as CSV.")
-@click.option("--seed", default=0, help="Draws the noise; the same seed gives the same bytes.")
+@click.option(
+    "--seed",
+    default=0,
+    type=click.IntRange(min=0),
+    help="Draws the noise; the same seed gives the same bytes.",
+)
 def simulate(*, scenario: str, output: Path, truth: Path | None, seed: int) -> None:
     """Make a log with known truth, noise, bias and gaps: quadcopter, fts-7.1."""
     from attest import simulation
 
+    if truth is not None and truth.resolve() == output.resolve():
+        raise ConfigError(f"{truth}: both the log and its truth. Give --truth another name.")
     flight = simulation.simulate(scenario, seed)
     simulation.write(output, flight)
     if truth is not None:

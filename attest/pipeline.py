@@ -108,8 +108,12 @@ def folder_for(result: Result, output: Path, logs: Sequence[Path]) -> Path:
 
 def _owners(folder: Path) -> set[str]:
     """Return the logs that the results in a folder were made from."""
-    owners = set()
-    for path in folder.glob("*.json"):
+    owners: set[str] = set()
+    try:
+        found = list(folder.glob("*.json"))
+    except OSError:  # a name that is too long, or no right to look: writing will tell
+        return owners
+    for path in found:
         with suppress(OSError, ValueError, KeyError, TypeError):  # not a run's, so nobody's
             owners.add(str(json.loads(path.read_text(encoding="utf-8"))["log"]["path"]))
     return owners

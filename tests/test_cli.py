@@ -284,3 +284,36 @@ def test_a_name_that_is_not_utf_8_is_taken(tmp_path, sample_logs):
         [*command, os.fsencode(tmp_path / "out")], capture_output=True, check=False
     )
     assert (done.returncode, done.stderr) == (0, b"")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["run", ""], "an empty name for a log"),
+        (["run", "{log}", "--start", "10", "--end", "5"], "the end is not behind the start"),
+        (["simulate", "quadcopter", "-o", "{tmp}/a.csv", "--seed", "-1"], "x>=0"),
+        (["simulate", "quadcopter", "-o", "{tmp}/a.csv", "--truth", "{tmp}/a.csv"], "both the log"),
+        (["run", "{log}", "--world", "xyz"], "'xyz' is not one of"),
+    ],
+)
+def test_wrong_usage_is_one_line_and_exit_2(tmp_path, sample_logs, arguments, words):
+    named = [a.format(log=sample_logs / "quadcopter.tlog", tmp=tmp_path) for a in arguments]
+    done = attest(*named, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert words in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_output_whose_name_is_too_long_is_one_line(tmp_path, sample_logs):
+    output = tmp_path / ("a" * 300)
+    done = attest("run", sample_logs / "quadcopter.tlog", "--output", output, "-q")
+    assert done.returncode == 1
+    assert "cannot write" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_json_of_several_logs_is_a_line_each(tmp_path, sample_logs):
+    done = attest("run", sample_logs, "--output", tmp_path, "--json")
+    documents = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [document["schema"] for document in documents] == [1, 1]

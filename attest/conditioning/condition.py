@@ -49,13 +49,16 @@ def condition(recording: Recording, config: Configuration) -> tuple[Samples, tup
         restart=restart,
         field=found["mag"].field if "mag" in found else None,
     )
-    return samples, (*notes, *_unobservable(samples.names))
+    return samples, (*notes, *_unobservable(samples.names, recording))
 
 
-def _unobservable(names: tuple[str, ...]) -> tuple[Note, ...]:
+def _unobservable(names: tuple[str, ...], recording: Recording) -> tuple[Note, ...]:
     """Say what too few directions leave open."""
     if not names:
-        text = "no direction is measured: the attitude is the gyroscope's integral from its start"
+        text = "no direction is used: the attitude is the gyroscope's integral from its start"
+        usual = {"gyro", "velocity", "position", "torque"}
+        if others := sorted(set(recording.signals) - usual):
+            text += f"; the log has {', '.join(others)}, which 'vectors' may name"
     elif len(names) == 1:
         text = (
             f"{names[0]!r} is the only direction: the turn about it is not observable, and drifts"

@@ -16,8 +16,9 @@ Stamps = NDArray[np.int64]
 SECOND = 1_000_000_000
 BREAK = 10_000 * SECOND
 """Between stretches; no setting lets a vector or a smoothing reach that far."""
-MOST_SUBSTEPS = 100
-"""In one step, so that work grows with the log's size and not with the time it spans."""
+MOST_SUBSTEPS = 500, 20_000_000
+"""In one step, and in a log unless it has more steps than a fiftieth of that: work must grow with
+the log's size and not with the time that it spans."""
 FASTEST = 1e3
 """rad/s; no gyroscope measures a tenth of this."""
 
@@ -99,7 +100,8 @@ def substeps_of(
 ) -> tuple[NDArray[np.int64], list[Note]]:
     """Divide each step so that no part is longer than the gains allow."""
     h = np.diff(t, append=t[-1])
-    substeps = np.clip(-(-h // max(1, round(max_step * SECOND))), 1, MOST_SUBSTEPS)
+    most = max(50, min(MOST_SUBSTEPS[0], MOST_SUBSTEPS[1] // len(t)))
+    substeps = np.clip(-(-h // max(1, round(max_step * SECOND))), 1, most)
     substeps[:-1][restart[1:]] = 1  # nothing is stepped across a restart
     rate = 1e9 / np.median(h[:-1])
     if (substeps > 1).mean() < 0.5:

@@ -142,6 +142,13 @@ class Configuration(Section):
     conditioning: Conditioning = Conditioning()
     evaluation: Evaluation = Evaluation()
 
+    @field_validator("input")
+    @classmethod
+    def _refuse_nothing(cls, wanted: Input) -> Input:
+        if wanted.end_s is not None and wanted.end_s <= (wanted.start_s or 0.0):
+            raise ValueError("the end is not behind the start")
+        return wanted
+
     @field_validator("vectors")
     @classmethod
     def _refuse_twice(cls, vectors: tuple[Vector, ...] | None) -> tuple[Vector, ...] | None:

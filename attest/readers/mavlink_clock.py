@@ -179,8 +179,10 @@ def segments(
         # at the earliest one sample after what was before
         last = max(int(times.t.max()) for times in earlier)
         least = last + max(period, 1) - min(int(times.t.min()) for times in later)
-        shift = least if shift is None else max(shift, least)
-        found.append(Segment(cut.at, found[-1].offset + shift, cut.depth))
+        offset = found[-1].offset + (least if shift is None else max(shift, least))
+        if abs(offset) > LATEST:
+            return found[:1]  # no sum of flights is that long: a clock in disorder
+        found.append(Segment(cut.at, offset, cut.depth))
     return found
 
 

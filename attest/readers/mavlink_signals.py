@@ -68,7 +68,8 @@ def position(name: str, rows: Rows) -> Values:
 
 def columns(rows: Rows, *names: str) -> Array:
     """Fields side by side as float64."""
-    return np.stack([rows[name].astype(np.float64) for name in names], axis=1)
+    with np.errstate(invalid="ignore"):  # some NaN of float32 signal it when they are widened
+        return np.stack([rows[name].astype(np.float64) for name in names], axis=1)
 
 
 def _euler(rows: Rows) -> Values:

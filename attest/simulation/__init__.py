@@ -53,9 +53,10 @@ def write(path: Path, flight: Flight) -> None:
         The file cannot be written.
     """
     formats = {".tlog": write_tlog, ".csv": write_csv}
-    if path.suffix not in formats:
+    suffix = path.suffix.lower()
+    if suffix not in formats:
         raise ConfigError(f"{path}: unknown format. Name it with one of: {', '.join(SUFFIXES)}.")
-    formats[path.suffix](path, flight)
+    formats[suffix](path, flight)
 
 
 def write_tlog(path: Path, flight: Flight) -> None:

@@ -163,7 +163,7 @@ def test_the_default_vectors_are_those_of_the_two_that_the_log_has():
         samples, notes = condition(replace(log, signals=held), settings())
         assert samples.names == names
         assert samples.body.shape == (300, len(names), 3)
-        assert ("no direction is measured" in texts(notes)) == (not names)
+        assert ("no direction is used" in texts(notes)) == (not names)
 
 
 def test_a_late_magnetometer_is_put_right():
