@@ -78,10 +78,11 @@ def initial_attitude(samples: Samples, part: slice, initial: Initial) -> Array:
 
 def _first_with_two(samples: Samples, part: slice) -> int:
     """Return the first step of a stretch with two vectors, if it is near; else its very first."""
-    two = samples.valid[part].sum(axis=1) >= 2
-    first = int(two.argmax()) if two.any() else 0
-    near = samples.t[part][first] - samples.t[part][0] <= NEAR
-    return first if near else 0
+    if samples.valid[part.start].sum() >= 2:  # the usual case, and no need to look further
+        return 0
+    t = samples.t[part]
+    near = int(np.searchsorted(t, t[0] + NEAR, side="right"))
+    return int(np.argmax(samples.valid[part][:near].sum(axis=1) >= 2))  # 0 where there is none
 
 
 def refuse_divergence(name: str, t: NDArray[np.int64], states: Array) -> None:
