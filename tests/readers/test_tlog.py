@@ -483,3 +483,25 @@ def test_sound_frames_of_senseless_content_are_a_recording_or_one_line(sample_lo
     path.write_bytes(data)
     with suppress(ReadError):  # nothing else may come of it
         assert len(readers.read(path).signals["gyro"].t)
+
+
+def test_level_and_north_now_and_then_is_an_attitude(tmp_path):
+    log = Log()
+    for i, boot in enumerate(BOOTS):
+        level = mav.MAVLink_attitude_message(
+            round(boot * 1e3), *[0.0 if i % 10 else 0.3] * 3, 0, 0, 0
+        )
+        log.add(raw_imu(boot), boot).add(level, boot)
+    assert len(log.read(tmp_path).references["ATTITUDE"].t) == len(BOOTS)
+
+
+def test_a_loss_of_more_than_a_hundredth_is_a_warning(tmp_path):
+    few, many = flight(BOOTS), flight(BOOTS)
+    few.add(raw_imu(BOOTS[-1]), 110)
+    for _ in range(50):
+        many.add(raw_imu(BOOTS[-1]), 110)
+    told = [
+        next(note for note in log.read(tmp_path).notes if "repeated" in note.text)
+        for log in (few, many)
+    ]
+    assert [(note.count, note.doubt) for note in told] == [(1, False), (50, True)]
