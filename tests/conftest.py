@@ -11,7 +11,12 @@ from hypothesis import settings
 # another file, so each session compiles afresh
 os.environ["NUMBA_CACHE_DIR"] = tempfile.mkdtemp(prefix="attest-numba-")
 
-settings.register_profile("attest", deadline=None, max_examples=50)  # a first call compiles
+settings.register_profile(
+    "attest",
+    deadline=None,  # a first call compiles
+    max_examples=50,
+    derandomize=os.environ.get("CI") == "true",  # new examples are for people, not for CI
+)
 settings.load_profile("attest")
 
 ROOT = Path(__file__).resolve().parents[1]
