@@ -23,10 +23,12 @@ def test_velocity_and_acceleration_are_derivatives(t):
 
 @given(times)
 def test_angular_velocity_turns_the_attitude(t):
-    h = 1e-5  # short: at the joints of the path the rate has a kink
+    h = 1e-5
     R, R_after = (quaternion.to_matrix(trajectory.attitude(at))[0] for at in (t - h, t + h))
     hat = (R.T @ R_after - R_after.T @ R) / (4 * h)
-    assert_allclose(trajectory.angular_velocity(t)[0], [hat[2, 1], hat[0, 2], hat[1, 0]], atol=1e-5)
+    expected = [hat[2, 1], hat[0, 2], hat[1, 0]]
+    joint = np.abs(t[0] - np.round(2.0 * t[0]) / 2.0) < 1e-3  # there the rate has a kink
+    assert_allclose(trajectory.angular_velocity(t)[0], expected, atol=2e-4 if joint else 1e-5)
 
 
 def test_specific_force_is_what_an_accelerometer_feels():
