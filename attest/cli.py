@@ -44,7 +44,6 @@ def cli(*, debug: bool) -> None:
     Runs an attitude observer on SO(3) over a log, compares it with a reference, and writes MCAP,
     Rerun and JSON.
     """
-    click.get_current_context().obj = debug
 
 
 def main() -> NoReturn:

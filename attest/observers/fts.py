@@ -99,7 +99,7 @@ def derivatives(
 
 @kernel
 def step(
-    state: State, Omega_m: Vector, L: Matrix, h: float, gains: Numbers
+    state: State, Omega_m: Vector, L: Matrix, constant: float, h: float, gains: Numbers
 ) -> tuple[State, float, float, float]:
     """Advance the state by h, all right sides at its beginning, (92)-(95).
 
@@ -107,8 +107,8 @@ def step(
     -------
     state
         q, omega and beta_hat after the step.
-    s_norm, trace, psi_norm : float
-        |s_L|, tr(R^T L) and |Psi| before it.
+    s_norm, cost, psi_norm : float
+        |s_L|, Wahba's cost and |Psi| before it.
     """
     q, omega, beta = state
     Omega_b = so3.sub(Omega_m, beta)
@@ -121,7 +121,7 @@ def step(
         so3.add(omega, so3.scale(h, omega_dot)),  # (93)
         so3.add(beta, so3.scale(h, beta_dot)),  # (94)
     )
-    return after, sqrt(so3.dot(s, s)), B[0] + B[4] + B[8], sqrt(so3.dot(Psi, Psi))
+    return after, sqrt(so3.dot(s, s)), wahba.cost(constant, B), sqrt(so3.dot(Psi, Psi))
 
 
 @kernel
@@ -155,14 +155,14 @@ def run(
     for i in range(len(h)):
         q, omega, beta = state
         Omega_m, L_i = mean_rate(gyro, i, 0, substeps[i]), so3.matrix_row(L, i)
-        state, s_norm, trace, psi_norm = step(state, Omega_m, L_i, h[i], gains)
+        state, s_norm, cost, psi_norm = step(state, Omega_m, L_i, L[i, 9], h[i], gains)
         out[i, 0], out[i, 1], out[i, 2], out[i, 3] = q
         out[i, 4], out[i, 5], out[i, 6] = so3.sub(so3.sub(so3.row(gyro, i), beta), omega)
         out[i, 7], out[i, 8], out[i, 9] = beta
-        out[i, 10], out[i, 11], out[i, 12] = s_norm, L[i, 9] - trace, psi_norm
+        out[i, 10], out[i, 11], out[i, 12] = s_norm, cost, psi_norm
         for j in range(1, substeps[i]):
             Omega_m, L_j = mean_rate(gyro, i, j, substeps[i]), between(L, i, j, substeps[i])
-            state, _, _, _ = step(state, Omega_m, L_j, h[i], gains)
+            state, _, _, _ = step(state, Omega_m, L_j, 0.0, h[i], gains)
 
 
 def estimate(samples: Samples, config: Config) -> Estimates:
