@@ -5,7 +5,7 @@
     ├── WriteError           an output cannot be written (1)
     └── ConfigError          wrong usage or configuration (2)
 
-Every message reads ``FILE: what is wrong. What to do.`` and is printed by ``cli.py`` only.
+Every message reads ``FILE: what is wrong. What to do.`` and is printed by ``cli`` only.
 """
 
 

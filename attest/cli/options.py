@@ -1,0 +1,63 @@
+"""Options that several commands share, and what stands for their values."""
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+quiet_option = click.option("--quiet", "-q", is_flag=True, help="Print errors only.")
+json_option = click.option(
+    "--json",
+    "as_json",
+    is_flag=True,
+    help="Print JSON instead of text; of several logs, a line each.",
+)
+
+assignments_option = click.option(
+    "--set", "assignments", multiple=True, metavar="KEY=VALUE", help="Override a YAML key."
+)
+output_option = click.option(
+    "--output", default="attest_out", type=click.Path(path_type=Path), help="Folder."
+)
+open_option = click.option(
+    "--open", "open_viewer", is_flag=True, help="Open the result in the Rerun viewer."
+)
+vehicle_option = click.option(
+    "--vehicle", metavar="SYS[/COMP]", help="MAVLink system.  [default: the autopilot]"
+)
+world_option = click.option(
+    "--world", type=click.Choice(["ned", "enu"]), help="World axes of a CSV.  [default: ned]"
+)
+
+
+def log_options(command: F) -> F:
+    """Add the options that choose what of a log is used; `chosen` makes assignments of them."""
+    for option in (
+        vehicle_option,
+        click.option("--end", type=float, metavar="S", help="Leave out what is later, s."),
+        click.option("--start", type=float, metavar="S", help="Leave out what is earlier, s."),
+        world_option,
+        click.option(
+            "--reference", metavar="NAME|none", help="Compare with this one.  [default: the best]"
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+def chosen(choices: Mapping[str, Any]) -> Iterator[str]:
+    """Yield `log_options` as the assignments to keys of the configuration that they stand for."""
+    keys = {
+        "reference": "evaluation.reference",
+        "world": "input.world",
+        "start": "input.start_s",
+        "end": "input.end_s",
+        "vehicle": "input.vehicle",
+    }
+    for name, key in keys.items():
+        if choices[name] is not None:
+            yield f"{key}={json.dumps(choices[name])}"
