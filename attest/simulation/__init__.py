@@ -1,9 +1,9 @@
 """Logs with known truth, made to order and the same bytes again for the same seed.
 
-    simulate(scenario, seed) -> Flight -> write(path, flight)
+    simulate(scenario, seed) -> Flight [-> degrade(flight, degradation)] -> write(path, flight)
 
-A scenario is one module with ``simulate(seed)``, imported when asked for, and one line in
-`_MODULES`.
+A scenario is one function of a seed, imported when asked for, and one line in `_SCENARIOS`. A
+format is one module with ``encode(flight)``, and one line in `_ENCODERS`.
 """
 
 from __future__ import annotations
@@ -19,12 +19,27 @@ from attest.files import replacing
 if TYPE_CHECKING:
     from attest.simulation.flight import Flight
 
-_MODULES = {"quadcopter": "quadcopter", "fts-7.1": "fts"}
+_SCENARIOS = {
+    "quadcopter": "quadcopter.simulate",
+    "fixed-wing": "fixed_wing.simulate",
+    "handheld": "handheld.simulate",
+    "spacecraft": "spacecraft.simulate",
+    "docking": "docking.simulate",
+    "fts-7.1": "fts.noise_free",
+    "fts-7.2-high": "fts.high_noise",
+    "fts-7.2-low": "fts.low_noise",
+    "vae-6": "vae.simulate",
+    "rel-4": "rel.noise_free",
+    "rel-4-noise": "rel.noisy",
+    "eso-6": "eso.noise_free",
+    "eso-6-noise": "eso.noisy",
+}
+_ENCODERS = {".tlog": "tlog", ".csv": "csv"}
 
-NAMES = tuple(_MODULES)
+NAMES = tuple(_SCENARIOS)
 """The scenarios."""
 
-SUFFIXES = (".tlog", ".csv")
+SUFFIXES = tuple(_ENCODERS)
 """The formats that `write` knows."""
 
 
@@ -36,14 +51,18 @@ def simulate(scenario: str, seed: int = 0) -> Flight:
     ConfigError
         There is no such scenario.
     """
-    if scenario not in _MODULES:
+    if scenario not in _SCENARIOS:
         raise ConfigError(f"{scenario}: unknown scenario. Choose one of: {', '.join(NAMES)}.")
-    flight: Flight = import_module(f"attest.simulation.{_MODULES[scenario]}").simulate(seed)
+    module, function = _SCENARIOS[scenario].split(".")
+    flight: Flight = getattr(import_module(f"attest.simulation.{module}"), function)(seed)
     return flight
 
 
 def write(path: Path, flight: Flight) -> None:
     """Write a flight in the format that the suffix of the path names.
+
+    A ``.tlog`` is what a ground station would have recorded, MAVLink 2 frames behind receiver
+    stamps; a ``.csv`` has the signals and the true attitude.
 
     Raises
     ------
@@ -52,29 +71,14 @@ def write(path: Path, flight: Flight) -> None:
     WriteError
         The file cannot be written.
     """
-    formats = {".tlog": write_tlog, ".csv": write_csv}
     suffix = path.suffix.lower()
-    if suffix not in formats:
+    if suffix not in _ENCODERS:
         raise ConfigError(f"{path}: unknown format. Name it with one of: {', '.join(SUFFIXES)}.")
-    formats[suffix](path, flight)
-
-
-def write_tlog(path: Path, flight: Flight) -> None:
-    """Write what a ground station would have recorded: MAVLink 2 frames behind receiver stamps."""
-    from attest.simulation import tlog
-
-    _write(path, tlog.encode, flight)
-
-
-def write_csv(path: Path, flight: Flight) -> None:
-    """Write the signals and the truth as canonical CSV."""
-    from attest.simulation import csv
-
-    _write(path, csv.encode, flight)
+    _write(path, import_module(f"attest.simulation.{_ENCODERS[suffix]}").encode, flight)
 
 
 def write_truth(path: Path, flight: Flight) -> None:
-    """Write true attitude and angular velocity alone, as canonical CSV."""
+    """Write the truth alone, as canonical CSV: attitude, angular velocity, what else there is."""
     from attest.simulation import csv
 
     _write(path, csv.encode_truth, flight)

@@ -30,9 +30,10 @@ def encode(flight: Flight) -> bytes:
 
 
 def encode_truth(flight: Flight) -> bytes:
-    """Serialise true attitude and, as ``gyro``, true angular velocity, to nine decimals."""
+    """Serialise true attitude, as ``gyro`` true angular velocity, and other truth, to 1e-9."""
     table = {"gyro": (flight.t, flight.omega), "ref": (flight.t, flight.q)}
-    return _encode(table, flight.utc_offset, 9)
+    others = {name: (signal.t, signal.y) for name, signal in flight.truth.items()}
+    return _encode(table | others, flight.utc_offset, 9)
 
 
 def _encode(table: Table, utc_offset: int | None, decimals: int | None = None) -> bytes:

@@ -37,7 +37,14 @@ class Flight:
     outages: tuple[tuple[int, int], ...] = ()
     """From and until when nothing was received."""
     constants: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-    """True constants by name, such as ``gyro_bias`` in rad/s."""
+    """What the scenario fixes, by name, in SI.
+
+    True constants (``gyro_bias``, ``inertia``: its diagonal), the known vector or place of a signal
+    by the signal's name (``v1``, ``point1``), the start of an observer (``initial_attitude``) and
+    gains that a paper gives (``fts_kappa``).
+    """
+    truth: Mapping[str, Signal] = field(default_factory=dict)
+    """Further truth that changes with time, such as ``disturbance_torque`` in N·m."""
     world: World = "ned"
 
     def received(self, t: Times) -> NDArray[np.bool_]:

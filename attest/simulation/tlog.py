@@ -19,7 +19,8 @@ from attest.simulation.flight import Array, Flight, Times
 
 G = 9.80665  # RAW_IMU counts in mG of standard gravity
 _SECOND = 10**9
-_NEEDED = ("gyro", "accel", "mag", "position", "velocity")
+_TOGETHER = (("gyro", "accel", "mag"), ("position", "velocity"))
+"""What one message carries."""
 _LATENCY = (5_000_000, 40_000_000)  # of the link, ns
 _SPACING = 20_000  # between frames of one burst, ns
 _HOLDS, _HOLD = 6, 300_000_000  # how often and how long the receiver sits on what it has, ns
@@ -42,11 +43,7 @@ def encode(flight: Flight) -> bytes:
     ConfigError
         The flight lacks what the messages carry.
     """
-    missing = [name for name in _NEEDED if name not in flight.signals]
-    if missing or flight.autopilot is None:
-        lack = ", ".join(missing or ["autopilot"])
-        raise ConfigError(f"{flight.scenario} has no {lack} for a tlog. Write a .csv instead.")
-    vehicle = sorted([*_vehicle(flight, flight.autopilot)], key=lambda sent: sent[:2])
+    vehicle = sorted([*_vehicle(flight, _believed(flight))], key=lambda sent: sent[:2])
     arrivals = _arrivals(flight, np.array([sent.t for sent in vehicle]))
     frames = [*zip(arrivals.tolist(), _pack(vehicle, 1, 1), vehicle, strict=True)]
     lost = ~flight.received(np.array([sent.t for sent in vehicle]))
@@ -56,6 +53,22 @@ def encode(flight: Flight) -> bytes:
     rows.sort(key=lambda row: row[0])
     offset = flight.utc_offset or 0
     return b"".join(struct.pack(">Q", (t + offset) // 1000) + frame for t, frame in rows)
+
+
+def _believed(flight: Flight) -> Array:
+    """Return the autopilot's attitude of a flight that has all else too."""
+    missing = [name for names in _TOGETHER for name in names if name not in flight.signals]
+    if missing or flight.autopilot is None:
+        lack = ", ".join(missing or ["autopilot"])
+        raise ConfigError(f"{flight.scenario} has no {lack} for a tlog. Write a .csv instead.")
+    for first, *others in _TOGETHER:
+        for name in others:
+            if not np.array_equal(flight.signals[name].t, flight.signals[first].t):
+                raise ConfigError(
+                    f"{first} and {name} have not the same times, as one message of a tlog has. "
+                    "Change the rate of both, or write a .csv instead."
+                )
+    return flight.autopilot
 
 
 def _pack(sent: Iterable[_Sent], system: int, component: int) -> Iterator[bytes]:

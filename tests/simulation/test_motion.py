@@ -32,7 +32,7 @@ def test_attitudes_are_the_discrete_kinematics():
 
 
 def test_experiment_7_1_is_as_the_paper_has_it():
-    flight = fts.simulate(seed=0)
+    flight = fts.noise_free(seed=0)
     assert_allclose(np.diff(flight.t), 10_000_000)
     assert (flight.t[0], flight.t[-1]) == (0, 30 * 10**9)
     assert_allclose(quaternion.to_matrix(flight.q[0]), np.diag([1, -1, -1]), atol=1e-15)
@@ -42,3 +42,4 @@ def test_experiment_7_1_is_as_the_paper_has_it():
     beta = flight.signals["gyro"].y - flight.omega
     assert_allclose(beta, np.broadcast_to([-0.1, -1.0, 0.2], beta.shape), atol=1e-15)
     assert flight.constants["gyro_bias"] == (-0.1, -1.0, 0.2)
+    assert flight.constants["fts_kappa"] == (0.1,)
