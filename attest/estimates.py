@@ -19,8 +19,8 @@ class Estimates:
     """Unit quaternion (w, x, y, z), body to world, sign continuous in time, shape (n, 4)."""
     angular_velocity: NDArray[np.float64]
     """Estimated angular velocity in the body, rad/s, shape (n, 3)."""
-    gyro_bias: NDArray[np.float64]
-    """Estimated gyroscope bias in the body, rad/s, shape (n, 3)."""
+    gyro_bias: NDArray[np.float64] | None
+    """Estimated gyroscope bias in the body, rad/s, shape (n, 3); None of an observer without."""
     s_norm: NDArray[np.float64]
     """|s_L|, the observer's residual, shape (n,)."""
     cost: NDArray[np.float64]
@@ -29,5 +29,7 @@ class Estimates:
     """Which vectors were used, shape (n, k)."""
     lyapunov: NDArray[np.float64] | None = None
     """The paper's Lyapunov function, shape (n,), where it has one and truth is known."""
+    frames: tuple[str, str] | None = None
+    """Names of the frames that q leads to and from; None: the world, and the body."""
     states: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     """Observer-specific states, each (n,) or (n, j)."""

@@ -65,6 +65,9 @@ def run(log: Path, configuration: Configuration, on_stage: OnStage | None = None
             samples, estimates, reference, configuration.evaluation
         )
         estimates = _with_lyapunov(observer, configuration, estimates, metrics)
+        claims = evaluation.attest(samples, estimates, metrics, configuration)
+        if observer.promises is not None:
+            claims += observer.promises(samples, estimates, configuration)
     result = Result(
         recording=recording,
         samples=samples,
@@ -74,6 +77,7 @@ def run(log: Path, configuration: Configuration, on_stage: OnStage | None = None
         configuration=config.effective(configuration),
         notes=(*recording.notes, *conditioned, *scored),
         summary={},
+        claims=claims,
     )
     return replace(result, summary=report.summarise(result, timing))
 
@@ -123,9 +127,10 @@ def _with_lyapunov(
     observer: Observer, configuration: Configuration, estimates: Estimates, metrics: Metrics | None
 ) -> Estimates:
     """Add the paper's Lyapunov function where there is one and truth is known."""
-    if observer.lyapunov is None or metrics is None or metrics.bias_true is None:
+    bias = estimates.gyro_bias
+    if observer.lyapunov is None or metrics is None or metrics.bias_true is None or bias is None:
         return estimates
-    V = observer.lyapunov(estimates, configuration, np.array(metrics.bias_true))
+    V = observer.lyapunov(estimates, configuration, bias - np.array(metrics.bias_true))
     return replace(estimates, lyapunov=V)
 
 

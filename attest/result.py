@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from attest.claims import Claim
 from attest.estimates import Estimates
 from attest.metrics import Metrics
 from attest.recording import Note, Recording, Reference
@@ -27,3 +28,5 @@ class Result:
     """Of reading, conditioning and observing together."""
     summary: Mapping[str, Any]
     """The JSON document of the run, ``schema: 1``."""
+    claims: tuple[Claim, ...] = ()
+    """What the theory promises, against what was seen."""

@@ -17,11 +17,13 @@ class Samples:
     t: NDArray[np.int64]
     """Nanoseconds on the recording's clock, strictly increasing, shape (n,)."""
     gyro: NDArray[np.float64]
-    """Measured angular velocity, rad/s, body, shape (n, 3)."""
+    """Measured angular velocity, rad/s, body, (n, 3); NaN where feature points stand alone."""
     body: NDArray[np.float64]
-    """Measured unit vectors u_i in the body, shape (n, k, 3); a guess where not valid."""
+    """Measured unit vectors u_i in the body, shape (n, k, 3); a guess where not valid. Differences
+    of feature points keep their length, in units of the longest one of the model."""
     inertial: NDArray[np.float64]
-    """Known unit vectors e_i in the world, shape (n, k, 3), or (1, k, 3) where constant."""
+    """Known unit vectors e_i in the world, shape (n, k, 3), or (1, k, 3) where constant; of
+    feature points, the differences of the model."""
     valid: NDArray[np.bool_]
     """Which vectors may be used at each step, shape (n, k)."""
     names: tuple[str, ...]
@@ -30,5 +32,9 @@ class Samples:
     """In how many sub-steps to go from each step to the next, shape (n,)."""
     restart: NDArray[np.bool_]
     """Steps at which an observer must start anew: the first, and after each gap, shape (n,)."""
+    length: NDArray[np.float64] | None = None
+    """Lengths of the measured vectors in their own units (m/s², tesla), shape (n, k)."""
+    torque: NDArray[np.float64] | None = None
+    """Control torque in the body, N·m, shape (n, 3), where the log has it."""
     field: NDArray[np.float64] | None = None
     """The magnetic model's field in the world, tesla, shape (3,), where the log has a place."""

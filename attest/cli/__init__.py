@@ -14,6 +14,7 @@ import attest
 from attest.cli.config import configuration
 from attest.cli.info import info
 from attest.cli.observers import list_observers
+from attest.cli.reproduce import reproduce
 from attest.cli.run import run
 from attest.cli.simulate import simulate
 from attest.errors import AttestError, ConfigError
@@ -83,5 +84,5 @@ def _complain(error: Exception, text: str, *, debug: bool) -> None:
     click.echo(f"attest: {' '.join(text.split())}", err=True)
 
 
-for command in (run, info, simulate, list_observers, configuration):
+for command in (run, info, simulate, reproduce, list_observers, configuration):
     cli.add_command(command)

@@ -11,7 +11,7 @@ def list_observers(*, name: str | None) -> None:
 
     if name is None:
         for each in observers.NAMES:
-            click.echo(f"{each:12s}{observers.get(each).title}")
+            click.echo(f"{each:14s}{observers.get(each).title}")
     else:
         observer = observers.get(name)
         click.echo(

@@ -53,7 +53,7 @@ def accelerometer(
         notes.append(Note(text, still))
     body = np.where(moving[:, np.newaxis], unit(smoothed), plain.body)
     known = np.where(moving[:, np.newaxis], unit(inertial), plain.inertial)
-    return Measured(body, known, plain.valid), notes
+    return Measured(body, known, plain.valid, plain.length), notes
 
 
 def _specific_force(

@@ -3,20 +3,28 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from attest.conditioning import frame, points
 from attest.conditioning.accelerometer import accelerometer
 from attest.conditioning.magnetometer import magnetometer
 from attest.conditioning.measured import Measured, carried, usable
-from attest.conditioning.timeline import Timeline, apart, gyroscope, restarts, substeps_of
-from attest.config import Conditioning, Configuration, Vector
+from attest.conditioning.timeline import (
+    SECOND,
+    Timeline,
+    apart,
+    gyroscope,
+    restarts,
+    substeps_of,
+)
+from attest.config import Conditioning, Configuration, PointsConfiguration, Vector
 from attest.errors import ConfigError, ReadError
-from attest.recording import Note, Recording
+from attest.recording import Note, Recording, seconds
 from attest.samples import Samples
 
 Array = NDArray[np.float64]
 
 
 def condition(recording: Recording, config: Configuration) -> tuple[Samples, tuple[Note, ...]]:
-    """Put everything on the gyroscope's stamps.
+    """Put everything on the gyroscope's stamps, or on those of the feature points.
 
     Raises
     ------
@@ -25,6 +33,8 @@ def condition(recording: Recording, config: Configuration) -> tuple[Samples, tup
     ConfigError
         A vector's reference does not suit its signal.
     """
+    if isinstance(config, PointsConfiguration) and points.apply(recording, config):
+        return points.condition(recording, config)
     gyro, notes = gyroscope(recording, config)
     restart, gaps = restarts(recording, gyro.t, config.conditioning)
     substeps, slow = substeps_of(gyro.t, restart, config.conditioning.max_step_s)
@@ -47,9 +57,24 @@ def condition(recording: Recording, config: Configuration) -> tuple[Samples, tup
         names=tuple(vector.signal for vector in wanted),
         substeps=substeps,
         restart=restart,
+        length=np.stack([v.length for v in vectors], axis=1) if vectors else None,
+        torque=_torque(recording, line, config.conditioning),
         field=found["mag"].field if "mag" in found else None,
     )
     return samples, (*notes, *_unobservable(samples.names, recording))
+
+
+def _torque(recording: Recording, line: Timeline, config: Conditioning) -> Array | None:
+    """Interpolate the control torque, zero further from its samples than a vector is carried."""
+    if "torque" not in recording.signals:
+        return None
+    torque = recording.signals["torque"]
+    left, right = frame.nearest(torque.t, line.t)
+    age = np.minimum(np.abs(line.t - torque.t[left]), np.abs(torque.t[right] - line.t))
+    at = seconds(line.t, int(line.t[0])), seconds(torque.t, int(line.t[0]))
+    applied = np.stack([np.interp(*at, column) for column in torque.y.T], axis=1)
+    near = (age <= config.max_age_s * SECOND)[:, np.newaxis]
+    return np.where(near, applied, 0.0)
 
 
 def _unobservable(names: tuple[str, ...], recording: Recording) -> tuple[Note, ...]:

@@ -36,7 +36,7 @@ def magnetometer(
     dip = _dip_of_log(body, before, recording.world)
     known, told = _direction(recording, dip, model, reference)
     field_w = None if model is None else model[0]
-    return Measured(body.body, known[np.newaxis], body.valid, field_w), notes + told
+    return Measured(body.body, known[np.newaxis], body.valid, body.length, field_w), notes + told
 
 
 def _direction(

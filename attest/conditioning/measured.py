@@ -24,6 +24,8 @@ class Measured:
     inertial: Array
     """Shape (n, 3), or (1, 3) where constant."""
     valid: NDArray[np.bool_]
+    length: Array
+    """Of the measured vector in its own unit, shape (n,)."""
     field: Array | None = None
     """Of a magnetometer, the model's field in the world, tesla, shape (3,)."""
 
@@ -42,7 +44,7 @@ def carried(line: Timeline, signal: Signal, known: Array, config: Conditioning) 
     """Carry a signal by the gyroscope to the timeline."""
     max_age = min(config.max_age_s, config.restart_gap_s / 2.0)  # never across a restart
     body, valid, _ = frame.carry(line.t, line.D, signal.t, signal.y, round(max_age * SECOND))
-    return Measured(unit(body), unit(known), valid)
+    return Measured(unit(body), unit(known), valid, np.linalg.norm(body, axis=1))
 
 
 def unit(v: Array) -> Array:

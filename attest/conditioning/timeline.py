@@ -96,7 +96,7 @@ def restarts(
 
 
 def substeps_of(
-    t: Stamps, restart: NDArray[np.bool_], max_step: float
+    t: Stamps, restart: NDArray[np.bool_], max_step: float, what: str = "gyroscope"
 ) -> tuple[NDArray[np.int64], list[Note]]:
     """Divide each step so that no part is longer than the gains allow."""
     h = np.diff(t, append=t[-1])
@@ -108,7 +108,7 @@ def substeps_of(
         return substeps, []
     longest = float((h[:-1] / substeps[:-1])[~restart[1:]].max(initial=0)) * 1e-6
     text = (
-        f"gyroscope at {rate:.1f} Hz, interpolated to steps of at most {longest:.3g} ms: motion "
+        f"{what} at {rate:.1f} Hz, interpolated to steps of at most {longest:.3g} ms: motion "
         "faster than the log is not in it"
     )
     return substeps, [Note(text, doubt=bool(rate < 20.0))]

@@ -13,9 +13,11 @@ from attest.config.settings import (
     Initial,
     Input,
     Magnetometer,
+    PointsConfiguration,
     Section,
     SpecificForce,
     Vector,
+    VectorWeights,
     Weights,
 )
 
@@ -26,9 +28,11 @@ __all__ = [
     "Initial",
     "Input",
     "Magnetometer",
+    "PointsConfiguration",
     "Section",
     "SpecificForce",
     "Vector",
+    "VectorWeights",
     "Weights",
     "dump",
     "effective",

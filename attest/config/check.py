@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from difflib import get_close_matches
 from typing import Any, TypeVar, get_args
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from attest.config.settings import Configuration, Section
 from attest.errors import ConfigError
@@ -30,7 +30,7 @@ def validate(model: type[C], document: Mapping[str, Any], source: str) -> C:
         raise ConfigError(f"{source}: {_explain(model, error)}") from error
 
 
-def _explain(model: type[BaseModel], error: ValidationError) -> str:
+def _explain(model: type[Section], error: ValidationError) -> str:
     """Say the first error in one line: the key, what was given, what is allowed."""
     errors = error.errors(include_url=False)
     unknown = next((e for e in errors if e["type"] == "extra_forbidden"), None)
@@ -46,10 +46,12 @@ def _explain(model: type[BaseModel], error: ValidationError) -> str:
         return f"{dotted!r} is {given}: {first['msg'].removeprefix('Value error, ')}."
     # of a union, each branch says what it allows
     allowed = [e["msg"].removeprefix("Input should be ") for e in errors if _keys(e["loc"]) == keys]
-    return f"{dotted!r} is {given}. It must be: {' or '.join(dict.fromkeys(allowed))}."
+    why = _model_at(model, keys[:-1]).theorem
+    must = " or ".join(dict.fromkeys(allowed)) + (f" {why}" if why else "")
+    return f"{dotted!r} is {given}. It must be: {must}."
 
 
-def _unknown_key(model: type[BaseModel], loc: tuple[int | str, ...]) -> str:
+def _unknown_key(model: type[Section], loc: tuple[int | str, ...]) -> str:
     """Name the key, the nearest known one, and all that are known in its place."""
     outer, key = _keys(loc[:-1]), str(loc[-1])
     known = _known(model, outer)
@@ -69,10 +71,15 @@ def _is_key(part: str) -> bool:
     return part.isidentifier() and part not in {"str", "float", "tuple", "literal"}
 
 
-def _known(model: type[BaseModel], keys: list[Any]) -> list[str]:
+def _known(model: type[Section], keys: list[Any]) -> list[str]:
     """Return the keys that the model knows at a place."""
+    return list(_model_at(model, keys).model_fields)
+
+
+def _model_at(model: type[Section], keys: list[Any]) -> type[Section]:
+    """Return the section at a place, the nearest one around it where it is none."""
     for key in keys:
-        if isinstance(key, int):
+        if key not in model.model_fields:
             continue
         inner = model.model_fields[key].annotation
         model = next(
@@ -83,7 +90,7 @@ def _known(model: type[BaseModel], keys: list[Any]) -> list[str]:
             ),
             model,
         )
-    return list(model.model_fields)
+    return model
 
 
 def _parts(annotation: Any) -> list[Any]:

@@ -3,7 +3,7 @@
 An observer's module extends `Configuration` by its gains; the rest is the same for all.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
@@ -18,6 +18,9 @@ class Section(BaseModel):
         extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
     )
 
+    theorem: ClassVar[str] = ""
+    """Where the ranges of the keys come from."""
+
 
 class Weights(Section):
     """Weights K of Wahba's cost."""
@@ -31,6 +34,14 @@ class Weights(Section):
         if len(set(k)) < 3 or min(k) < 1.0:
             raise ValueError("three distinct values of at least 1 are needed [FTS, Lemma 1]")
         return k
+
+
+class VectorWeights(Weights):
+    """Weights of Wahba's cost, of the world's axes or of the vectors."""
+
+    w: dict[str, Annotated[float, Field(gt=0)]] | None = None
+    """A weight for each vector by its signal, 1 for what is not named, in place of k: W = diag(w),
+    without cross products. null: k."""
 
 
 class Initial(Section):
@@ -156,3 +167,29 @@ class Configuration(Section):
         if len(set(names)) < len(names):
             raise ValueError("a signal is named twice")
         return vectors
+
+
+class PointsConfiguration(Configuration):
+    """What an observer of feature points has besides."""
+
+    points: dict[str, Vector3] | None = None
+    """Place of each feature point in the object's frame, m, by its signal; null: the log's vectors
+    are used as they are."""
+
+    @field_validator("points")
+    @classmethod
+    def _refuse_a_line(cls, points: dict[str, Vector3] | None) -> dict[str, Vector3] | None:
+        if points is None:
+            return None
+        places = list(points.values())
+        apart = [tuple(a - b for a, b in zip(place, places[0], strict=True)) for place in places]
+        if len(points) < 3 or not any(_sine2(a, b) > 1e-6 for a in apart for b in apart):
+            raise ValueError("three points are needed that are not on one line [REL, (9)-(12)]")
+        return points
+
+
+def _sine2(a: tuple[float, ...], b: tuple[float, ...]) -> float:
+    """Return the squared sine between two vectors, 0 where one has no length."""
+    a2, b2 = sum(x * x for x in a), sum(x * x for x in b)
+    dot = sum(x * y for x, y in zip(a, b, strict=True))
+    return 1.0 - dot * dot / (a2 * b2) if a2 * b2 > 0.0 else 0.0

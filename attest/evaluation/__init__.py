@@ -1,5 +1,6 @@
-"""How far an estimate is from a reference, and what the reference is worth."""
+"""How far an estimate is from a reference, what that is worth, and what theory promised."""
 
+from attest.evaluation.attestation import attest
 from attest.evaluation.evaluate import choose, evaluate
 
-__all__ = ["choose", "evaluate"]
+__all__ = ["attest", "choose", "evaluate"]

@@ -67,7 +67,8 @@ def evaluate(
         errors.statistics(error_deg[scored, column]) for column in range(3)
     )
     settled = errors.settling(error_deg[scored, 0], config.settling_bound_deg)
-    true = _true_bias(samples, q_ref) if reference.kind == "truth" else None
+    measured = reference.kind == "truth" and bool(np.isfinite(samples.gyro).all())
+    true = _true_bias(samples, q_ref) if measured else None
     metrics = Metrics(
         reference=reference.name,
         kind=reference.kind,
@@ -88,7 +89,9 @@ def evaluate(
         misalignment_deg=float(np.rad2deg(errors.angles(misalignment)[0])),
         misalignment=(*misalignment.tolist(),),
         bias_true=None if true is None else (*true.tolist(),),
-        bias_error=None if true is None else float(np.linalg.norm(estimates.gyro_bias[-1] - true)),
+        bias_error=None
+        if true is None or estimates.gyro_bias is None
+        else float(np.linalg.norm(estimates.gyro_bias[-1] - true)),
     )
     return metrics, notes
 

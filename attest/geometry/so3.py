@@ -18,6 +18,7 @@ Quaternion = tuple[float, float, float, float]
 Matrix = tuple[float, float, float, float, float, float, float, float, float]
 
 IDENTITY: Matrix = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+ZERO: Vector = (0.0, 0.0, 0.0)
 
 
 def as_vector(a: Array) -> Vector:
@@ -73,6 +74,18 @@ def row(a: Array, i: int) -> Vector:
 
 
 @kernel
+def item(a: Array, i: int, j: int) -> Vector:
+    """Vector j of row i of an (n, k, 3) array."""
+    return (a[i, j, 0], a[i, j, 1], a[i, j, 2])
+
+
+@kernel
+def mean_row(a: Array, i: int) -> Vector:
+    """Mean of rows i and i + 1 of an (n, 3) array; the last row itself."""
+    return scale(0.5, add(row(a, i), row(a, min(i + 1, len(a) - 1))))
+
+
+@kernel
 def matrix_row(a: Array, i: int) -> Matrix:
     """Return the first nine of row i of an array as a matrix."""
     return (
@@ -103,6 +116,90 @@ def blend(A: Matrix, B: Matrix, f: float) -> Matrix:
         c * A[7] + f * B[7],
         c * A[8] + f * B[8],
     )
+
+
+@kernel
+def plus(A: Matrix, B: Matrix) -> Matrix:
+    """Sum A + B."""
+    return (
+        A[0] + B[0],
+        A[1] + B[1],
+        A[2] + B[2],
+        A[3] + B[3],
+        A[4] + B[4],
+        A[5] + B[5],
+        A[6] + B[6],
+        A[7] + B[7],
+        A[8] + B[8],
+    )
+
+
+@kernel
+def times(c: float, A: Matrix) -> Matrix:
+    """Multiple c A."""
+    return (
+        c * A[0],
+        c * A[1],
+        c * A[2],
+        c * A[3],
+        c * A[4],
+        c * A[5],
+        c * A[6],
+        c * A[7],
+        c * A[8],
+    )
+
+
+@kernel
+def diagonal(v: Vector) -> Matrix:
+    """Return the diagonal matrix of v."""
+    return (v[0], 0.0, 0.0, 0.0, v[1], 0.0, 0.0, 0.0, v[2])
+
+
+@kernel
+def hat(v: Vector) -> Matrix:
+    """Return hat(v), so that hat(v) b = v x b."""
+    return (0.0, -v[2], v[1], v[2], 0.0, -v[0], -v[1], v[0], 0.0)
+
+
+@kernel
+def symmetric(A: Matrix) -> Matrix:
+    """Return Ps(A) = (A + A^T)/2."""
+    b, c, f = 0.5 * (A[1] + A[3]), 0.5 * (A[2] + A[6]), 0.5 * (A[5] + A[7])
+    return (A[0], b, c, b, A[4], f, c, f, A[8])
+
+
+@kernel
+def inverse(A: Matrix) -> Matrix:
+    """Return A^-1 by its adjugate; not finite where A is singular."""
+    a = A[4] * A[8] - A[5] * A[7]
+    b = A[5] * A[6] - A[3] * A[8]
+    c = A[3] * A[7] - A[4] * A[6]
+    r = 1.0 / (A[0] * a + A[1] * b + A[2] * c)
+    return (
+        r * a,
+        r * (A[2] * A[7] - A[1] * A[8]),
+        r * (A[1] * A[5] - A[2] * A[4]),
+        r * b,
+        r * (A[0] * A[8] - A[2] * A[6]),
+        r * (A[2] * A[3] - A[0] * A[5]),
+        r * c,
+        r * (A[1] * A[6] - A[0] * A[7]),
+        r * (A[0] * A[4] - A[1] * A[3]),
+    )
+
+
+@kernel
+def determinant(A: Matrix) -> float:
+    """Return the determinant of A."""
+    return dot((A[0], A[1], A[2]), cross((A[3], A[4], A[5]), (A[6], A[7], A[8])))
+
+
+@kernel
+def positive(A: Matrix) -> bool:
+    """Tell whether a symmetric matrix is positive definite (Sylvester); False for NaN."""
+    second = A[0] * A[4] - A[1] * A[3]
+    return bool(A[0] > 0.0 and second > 0.0 and 0.0 < determinant(A) < np.inf)
 
 
 @kernel
@@ -190,6 +287,21 @@ def integrate(h: Array, gyro: Array, D: Array) -> None:
         if i + 1 < len(D):
             mean = scale(0.5 * h[i], add(row(gyro, i), row(gyro, i + 1)))
             q = normalize(multiply(q, exp(mean)))
+
+
+@kernel
+def from_matrix(R: Matrix) -> Quaternion:
+    """Return the unit quaternion of a rotation matrix, from its largest component (Shepperd)."""
+    trace = R[0] + R[4] + R[8]
+    if trace > max(R[0], R[4], R[8]):
+        q = (1.0 + trace, R[7] - R[5], R[2] - R[6], R[3] - R[1])
+    elif R[0] >= R[4] and R[0] >= R[8]:
+        q = (R[7] - R[5], 1.0 + 2.0 * R[0] - trace, R[1] + R[3], R[2] + R[6])
+    elif R[4] >= R[8]:
+        q = (R[2] - R[6], R[1] + R[3], 1.0 + 2.0 * R[4] - trace, R[5] + R[7])
+    else:
+        q = (R[3] - R[1], R[2] + R[6], R[5] + R[7], 1.0 + 2.0 * R[8] - trace)
+    return normalize(q)
 
 
 @kernel

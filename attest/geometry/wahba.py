@@ -2,9 +2,6 @@
 
 [FTS]  A. K. Sanyal, R. R. Warier, R. Hamrah, "Finite time stable attitude and angular velocity bias
        estimation for rigid bodies with unknown dynamics": (6), (7), (12), (16), (48).
-[Black64]  H. D. Black, "A passive system for determining the attitude of a satellite",
-           AIAA J. 2(7).
-[Davenport68]  P. B. Davenport, "A vector approach to the algebra of rotations", NASA TN D-4696.
 
 Symbols: R estimate of the attitude, body to world; e_i, u_i unit vectors in the world and measured
 in the body, E and U the matrices of them; K = diag(k1, k2, k3) weights along the world's axes;
@@ -14,7 +11,7 @@ With M = (E E^T)^-1 E U^T, the attitude that fits the vectors before it is made 
 L = K M: W itself, which grows with the number of vectors, is never formed.
 """
 
-from math import sqrt
+from math import asin, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +29,7 @@ MIN_SINE = 0.1
 
 
 @kernel
-def _outer_sum(S: Matrix, a: Vector, b: Vector) -> Matrix:
+def outer_sum(S: Matrix, a: Vector, b: Vector) -> Matrix:
     """Return S + a b^T."""
     return (
         S[0] + a[0] * b[0],
@@ -64,13 +61,20 @@ def _inverse(G: Matrix) -> tuple[float, Matrix]:
 
 
 @kernel
-def _at(a: Array, i: int, j: int) -> Vector:
-    """Vector j of step i of an (n, k, 3) array."""
-    return (a[i, j, 0], a[i, j, 1], a[i, j, 2])
+def _sine2(a: Vector, b: Vector) -> float:
+    """Squared sine of the angle between two vectors."""
+    pair = so3.cross(a, b)
+    return so3.dot(pair, pair) / (so3.dot(a, a) * so3.dot(b, b))
 
 
 @kernel
-def _widest(E: Array, i: int, valid: NDArray[np.bool_], step: int) -> tuple[int, int]:
+def apart(U: Array, i: int, first: int, second: int) -> bool:
+    """Tell whether two vectors of row i are further apart than `MIN_SINE`."""
+    return bool(_sine2(so3.item(U, i, first), so3.item(U, i, second)) >= MIN_SINE * MIN_SINE)
+
+
+@kernel
+def widest(E: Array, i: int, valid: NDArray[np.bool_], step: int) -> tuple[int, int]:
     """Return the first valid vector, and the one most at a right angle to it; -1 for none."""
     first, second, widest = -1, -1, MIN_SINE * MIN_SINE
     for j in range(valid.shape[1]):
@@ -79,10 +83,27 @@ def _widest(E: Array, i: int, valid: NDArray[np.bool_], step: int) -> tuple[int,
         if first < 0:
             first = j
             continue
-        pair = so3.cross(_at(E, i, first), _at(E, i, j))
-        if so3.dot(pair, pair) > widest:
-            second, widest = j, so3.dot(pair, pair)
+        apart = _sine2(so3.item(E, i, first), so3.item(E, i, j))
+        if apart > widest:
+            second, widest = j, apart
     return first, second
+
+
+@kernel
+def independent(E: Array, U: Array, valid: NDArray[np.bool_], out: Array) -> None:
+    """Fill out (n, 2) with how many directions a step has (0, 1, or 2 for more), and their angle.
+
+    The angle is that of the first vector and the one most at a right angle to it, rad, as known;
+    NaN where there are no two.
+    """
+    for i in range(len(U)):
+        row = i if len(E) > 1 else 0
+        first, second = widest(E, row, valid, i)
+        out[i, 0], out[i, 1] = (0.0 if first < 0 else 1.0), np.nan
+        if second >= 0 and apart(U, i, first, second):
+            out[i, 0] = 2.0
+            sine2 = _sine2(so3.item(E, row, first), so3.item(E, row, second))
+            out[i, 1] = asin(sqrt(min(sine2, 1.0)))
 
 
 @kernel
@@ -98,22 +119,22 @@ def _weighting(
     joined : bool
         Whether it does: for two vectors, and for more that lie in one plane.
     """
-    first, second = _widest(E, i, valid, step)
+    first, second = widest(E, i, valid, step)
     G = ZERO
     count = 0
     for j in range(valid.shape[1]):
         if valid[step, j]:
-            G = _outer_sum(G, _at(E, i, j), _at(E, i, j))
+            G = outer_sum(G, so3.item(E, i, j), so3.item(E, i, j))
             count += 1
     if second < 0:
         return first, second, False
-    e3 = so3.cross(_at(E, i, first), _at(E, i, second))
+    e3 = so3.cross(so3.item(E, i, first), so3.item(E, i, second))
     det, inverse = _inverse(G)
     joined = count == 2 or det < MIN_SINE**4
     if joined:
-        _, inverse = _inverse(_outer_sum(G, e3, e3))
+        _, inverse = _inverse(outer_sum(G, e3, e3))
     for j in range(valid.shape[1] + 1):
-        e = e3 if j == valid.shape[1] else _at(E, i, j)
+        e = e3 if j == valid.shape[1] else so3.item(E, i, j)
         column = so3.apply(inverse, e)
         for axis in range(3):
             A[j, axis] = K[axis] * column[axis]
@@ -121,18 +142,22 @@ def _weighting(
 
 
 @kernel
-def _one_direction(e: Vector, u: Vector, K: Vector) -> tuple[Matrix, float]:
-    """Return L and the cost's constant part for one vector, which sees no turn about itself.
+def _one_direction(e: Vector, u: Vector, K: Vector) -> tuple[Matrix, float, float]:
+    """Return L, the cost's constant part and the weight of one vector, which sees no turn about it.
 
-    There is no W by (12). The scalar weight (tr K + e^T K e)/2 is the mean of what K gives to the
-    turns that the vector does see.
+    There is no W by (12). The scalar weight (tr K + e^T K e)/2 of a unit vector e is the mean of
+    what K gives to the turns that the vector does see.
     """
-    w = 0.5 * (K[0] * (1.0 + e[0] ** 2) + K[1] * (1.0 + e[1] ** 2) + K[2] * (1.0 + e[2] ** 2))
-    return _outer_sum(ZERO, so3.scale(w, e), u), w
+    e2 = so3.dot(e, e)
+    weighted = K[0] * e[0] ** 2 + K[1] * e[1] ** 2 + K[2] * e[2] ** 2
+    w = 0.5 * (K[0] + K[1] + K[2] + weighted / e2) / e2
+    return outer_sum(ZERO, so3.scale(w, e), u), 0.5 * w * (e2 + so3.dot(u, u)), w
 
 
 @kernel
-def gain_matrices(E: Array, U: Array, valid: NDArray[np.bool_], K: Vector, out: Array) -> None:
+def gain_matrices(
+    E: Array, U: Array, valid: NDArray[np.bool_], K: Vector, out: Array, known: Array
+) -> None:
     """Fill out (n, 10) with L = E W U^T by rows, [FTS] (16), and the constant part of U.
 
     W is that of (12). Two vectors are joined by their cross product, (6)-(7); so are more that lie
@@ -147,6 +172,8 @@ def gain_matrices(E: Array, U: Array, valid: NDArray[np.bool_], K: Vector, out: 
         Unit vectors measured in the body, shape (n, k, 3), and which of them to use, (n, k).
     K
         Weights (k1, k2, k3) along the world's axes.
+    known
+        Filled with E W E^T by (xx, xy, xz, yy, yz, zz), shape (n, 6), unless it has no rows.
     """
     A = np.zeros((valid.shape[1] + 1, 3))
     i = 0
@@ -154,9 +181,40 @@ def gain_matrices(E: Array, U: Array, valid: NDArray[np.bool_], K: Vector, out: 
         row = i if len(E) > 1 else 0
         stop = i + 1 if len(E) > 1 else _alike_until(valid, i)
         pair = _weighting(E, row, valid, i, K, A)
-        e = _at(E, row, pair[0]) if pair[0] >= 0 else (0.0, 0.0, 0.0)
-        _fill(A, U, valid, i, stop, pair, e, K, out)
+        e = so3.item(E, row, pair[0]) if pair[0] >= 0 else (0.0, 0.0, 0.0)
+        _fill(A, U, valid, i, stop, pair, e, K, out, known)
         i = stop
+
+
+@kernel
+def diagonal_gain_matrices(
+    E: Array, U: Array, valid: NDArray[np.bool_], w: Array, out: Array, known: Array
+) -> None:
+    """Fill out (n, 10) with L = E W U^T for W = diag(w), and the constant part of U.
+
+    [VAE] (2) and Mahony's filter take any positive w. Arguments as of `gain_matrices`, but for the
+    weights w of the vectors, shape (k,); the constant part is sum w_i (|e_i|² + |u_i|²)/2.
+    """
+    for i in range(len(U)):
+        row = i if len(E) > 1 else 0
+        L, M, constant = ZERO, ZERO, 0.0
+        for j in range(valid.shape[1]):
+            if valid[i, j]:
+                e, u = so3.item(E, row, j), so3.item(U, i, j)
+                L = outer_sum(L, so3.scale(w[j], e), u)
+                M = outer_sum(M, so3.scale(w[j], e), e)
+                constant += 0.5 * w[j] * (so3.dot(e, e) + so3.dot(u, u))
+        for a in range(9):
+            out[i, a] = L[a]
+        out[i, 9] = constant
+        if len(known):
+            _fill_symmetric(known, i, M)
+
+
+@kernel
+def _fill_symmetric(known: Array, i: int, M: Matrix) -> None:
+    known[i, 0], known[i, 1], known[i, 2] = M[0], M[1], M[2]
+    known[i, 3], known[i, 4], known[i, 5] = M[4], M[5], M[8]
 
 
 @kernel
@@ -180,6 +238,7 @@ def _fill(
     e: Vector,
     K: Vector,
     out: Array,
+    known: Array,
 ) -> None:
     """Fill rows of out with L and the cost's constant part, for steps that share their vectors."""
     first, second, joined = pair
@@ -190,14 +249,18 @@ def _fill(
         if second >= 0:
             for j in range(k):
                 if valid[start, j]:
-                    L = _outer_sum(L, so3.row(A, j), _at(U, i, j))
+                    L = outer_sum(L, so3.row(A, j), so3.item(U, i, j))
             if joined:
-                u3 = so3.cross(_at(U, i, first), _at(U, i, second))
-                L = _outer_sum(L, so3.row(A, k), u3)
-                lone = so3.dot(u3, u3) < MIN_SINE * MIN_SINE
+                u1, u2 = so3.item(U, i, first), so3.item(U, i, second)
+                L = outer_sum(L, so3.row(A, k), so3.cross(u1, u2))
+                lone = _sine2(u1, u2) < MIN_SINE * MIN_SINE
             constant = 0.5 * (K[0] + K[1] + K[2] + _weighted_norm(L, K))
+        M = so3.diagonal(K) if second >= 0 else ZERO
         if lone:
-            L, constant = _one_direction(e, _at(U, i, first), K)
+            L, constant, w = _one_direction(e, so3.item(U, i, first), K)
+            M = outer_sum(ZERO, so3.scale(w, e), e)
+        if len(known):
+            _fill_symmetric(known, i, M)
         for a in range(9):
             out[i, a] = L[a]
         out[i, 9] = constant
@@ -239,48 +302,3 @@ def residual_rate(B: Matrix, Omega_hat: Vector, Omega_b: Vector) -> Vector:
     vex(L^T R hat(Omega_hat) + hat(Omega_hat) R^T L) - vex(R^T L hat(Omega_b) + hat(Omega_b) L^T R).
     """
     return so3.sub(_vex_turned(B, Omega_hat), _vex_turned(so3.transpose(B), Omega_b))
-
-
-def attitude(E: Array, U: Array, weights: Array | None = None) -> Array:
-    """Solve Wahba's problem by Davenport's q method [Davenport68].
-
-    Parameters
-    ----------
-    E, U
-        Unit vectors in the world and in the body, shape (k, 3).
-    weights
-        One non-negative weight per vector, shape (k,); ones by default.
-
-    Returns
-    -------
-    q : shape (4,)
-        The rotation, body to world, that minimises sum w_i |e_i - R u_i|². With one direction only,
-        the shortest one that fits; with none, the identity.
-    """
-    w = np.ones(len(E)) if weights is None else weights
-    C = (w[:, np.newaxis] * E).T @ U
-    N = np.empty((4, 4))
-    N[0, 0] = np.trace(C)
-    N[0, 1:] = N[1:, 0] = [C[2, 1] - C[1, 2], C[0, 2] - C[2, 0], C[1, 0] - C[0, 1]]
-    N[1:, 1:] = C + C.T - np.trace(C) * np.eye(3)
-    values, vectors = np.linalg.eigh(N)
-    # eigenvectors of (nearly) the largest value span what the vectors cannot tell apart
-    best = vectors[:, values > values[-1] - 1e-9]
-    q: Array = best @ best[0]  # the rotation in that span nearest to the identity
-    length = float(np.sqrt(q @ q))
-    if length < 1e-9:  # a half turn: no scalar part to be near to
-        return np.asarray(vectors[:, -1])
-    return q / length
-
-
-def triad(e1: Array, e2: Array, u1: Array, u2: Array) -> Array:
-    """Return the rotation (3, 3), body to world, that fits u1 exactly and u2 as well as it can.
-
-    [Black64]. All are unit vectors, shape (3,); e1, e2 in the world, u1, u2 in the body.
-    """
-    e3, u3 = np.cross(e1, e2), np.cross(u1, u2)
-    e3, u3 = e3 / sqrt(e3 @ e3), u3 / sqrt(u3 @ u3)
-    world = np.stack([e1, e3, np.cross(e1, e3)], axis=1)
-    body = np.stack([u1, u3, np.cross(u1, u3)], axis=1)
-    fitted: Array = world @ body.T
-    return fitted

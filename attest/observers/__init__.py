@@ -8,7 +8,19 @@ from attest.errors import ConfigError
 if TYPE_CHECKING:
     from attest.observers.observer import Observer
 
-NAMES = ("fts",)
+NAMES = (
+    "fts",
+    "vae",
+    "game",
+    "cgo",
+    "eso",
+    "relative_fts",
+    "mekf",
+    "triad",
+    "wahba",
+    "integration",
+    "vqf",
+)
 
 
 def get(name: str) -> "Observer":

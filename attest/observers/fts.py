@@ -19,17 +19,23 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from attest.claims import Claim
 from attest.config import Configuration, Section, Weights
 from attest.estimates import Estimates
-from attest.geometry import quaternion, so3, wahba
+from attest.geometry import so3, wahba
 from attest.geometry.jit import kernel
 from attest.geometry.so3 import Matrix, Quaternion, Vector
 from attest.observers.observer import (
+    COLUMNS,
     Observer,
     between,
+    estimates,
     gain_matrices,
+    gyro_noise,
     initial_attitude,
+    initial_omega,
     mean_rate,
+    record,
     refuse_divergence,
     segments,
     steps,
@@ -48,6 +54,8 @@ FLOOR = 1e-30
 
 class Gains(Section):
     """Gains of [FTS] Theorem 1."""
+
+    theorem = "[FTS, Theorem 1]"
 
     k_p: Annotated[float, Field(gt=0)] = 0.2
     """Attitude gain. More follows the vectors, less the gyroscope."""
@@ -156,10 +164,9 @@ def run(
         q, omega, beta = state
         Omega_m, L_i = mean_rate(gyro, i, 0, substeps[i]), so3.matrix_row(L, i)
         state, s_norm, cost, psi_norm = step(state, Omega_m, L_i, L[i, 9], h[i], gains)
-        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = q
-        out[i, 4], out[i, 5], out[i, 6] = so3.sub(so3.sub(so3.row(gyro, i), beta), omega)
-        out[i, 7], out[i, 8], out[i, 9] = beta
-        out[i, 10], out[i, 11], out[i, 12] = s_norm, cost, psi_norm
+        Omega_hat = so3.sub(so3.sub(so3.row(gyro, i), beta), omega)
+        record(out, i, q, Omega_hat, beta, s_norm, cost)
+        out[i, 12] = psi_norm
         for j in range(1, substeps[i]):
             Omega_m, L_j = mean_rate(gyro, i, j, substeps[i]), between(L, i, j, substeps[i])
             state, _, _, _ = step(state, Omega_m, L_j, 0.0, h[i], gains)
@@ -170,40 +177,52 @@ def estimate(samples: Samples, config: Config) -> Estimates:
     gains = config.gains
     k_b = 2.0 - gains.mu if gains.k_b is None else gains.k_b
     numbers = (gains.k_p, gains.k_v, gains.kappa, gains.mu, 1.0 - 1.0 / gains.p, k_b)
-    out = np.empty((len(samples.t), 13))
+    out = np.empty((len(samples.t), COLUMNS + 1))
     beta = np.array(config.initial.bias)
     for part in segments(samples):
         gyro = samples.gyro[part]
         q = initial_attitude(samples, part, config.initial)
-        omega = np.zeros(3)
-        if part.start == 0 and config.initial.angular_velocity is not None:
-            omega = gyro[0] - np.array(config.initial.angular_velocity) - beta
+        omega = initial_omega(gyro, part, config.initial, beta)
         start = (so3.as_quaternion(q), so3.as_vector(omega), so3.as_vector(beta))
-        L = gain_matrices(samples, part, config.weights.k)
+        L = gain_matrices(samples, part, config.weights)
         run(steps(samples, part), samples.substeps[part], gyro, L, start, numbers, out[part])
         refuse_divergence("fts", samples.t[part], out[part])
         beta = out[part.stop - 1, 7:10]
-    return Estimates(
-        observer="fts",
-        t=samples.t,
-        q=quaternion.continuous(out[:, 0:4]),
-        angular_velocity=out[:, 4:7],
-        gyro_bias=out[:, 7:10],
-        s_norm=out[:, 10],
-        cost=out[:, 11],
-        updated=samples.valid,
-        states={"psi_norm": out[:, 12]},
-    )
+    return estimates("fts", samples, out, states={"psi_norm": out[:, 12]})
 
 
-def lyapunov(estimates: Estimates, config: Config, bias: Array) -> Array:
+def lyapunov(found: Estimates, config: Config, beta_tilde: Array) -> Array:
     """Return V = mu/2 Psi.Psi + k_p U + k_b/2 beta_tilde.beta_tilde, (53), shape (n,)."""
     gains = config.gains
     k_b = 2.0 - gains.mu if gains.k_b is None else gains.k_b
-    beta_tilde2 = np.sum((estimates.gyro_bias - bias) ** 2, axis=1)
-    Psi2 = estimates.states["psi_norm"] ** 2
-    V: Array = 0.5 * gains.mu * Psi2 + gains.k_p * estimates.cost + 0.5 * k_b * beta_tilde2
+    beta_tilde2 = np.sum(beta_tilde**2, axis=1)
+    Psi2 = found.states["psi_norm"] ** 2
+    V: Array = 0.5 * gains.mu * Psi2 + gains.k_p * found.cost + 0.5 * k_b * beta_tilde2
     return V
+
+
+def promises(samples: Samples, found: Estimates, config: Config) -> tuple[Claim, ...]:
+    """Compare |s_L| with the set that Corollary 1 promises for the log's gyroscope noise.
+
+    From V' <= -k_p kappa S^(2/p) - k_v P^(2/p) + k_p S eps, (74): whatever P is, V falls outside of
+    S = (eps/kappa)^(p/(2 - p)). The corollary knows no noise of the vectors.
+    """
+    gains = config.gains
+    noise = 3.0 * gyro_noise(samples)
+    bound = (noise / gains.kappa) ** (gains.p / (2.0 - gains.p))
+    seen = float(np.percentile(found.s_norm[len(found.s_norm) // 2 :], 95))
+    angle = np.rad2deg(bound / sum(sorted(config.weights.k)[:2]))
+    return (
+        Claim(
+            statement=f"|s_L| stays within {bound:.3g} ({angle:.2g}° about the weakest axis) under "
+            f"gyroscope noise of {np.rad2deg(noise):.3g} °/s",
+            source="FTS, Corollary 1",
+            seen=f"{seen:.3g} (95 % of the second half); noise of the vectors is not in the bound",
+            holds=seen <= bound,
+            value=seen,
+            bound=bound,
+        ),
+    )
 
 
 OBSERVER = Observer(
@@ -212,4 +231,5 @@ OBSERVER = Observer(
     config=Config,
     estimate=estimate,
     lyapunov=lyapunov,
+    promises=promises,
 )

@@ -8,16 +8,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from attest.config import Configuration, Initial
+from attest.claims import Claim
+from attest.config import Configuration, Initial, VectorWeights, Weights
 from attest.errors import ConfigError
 from attest.estimates import Estimates
-from attest.geometry import quaternion, so3, wahba
+from attest.geometry import quaternion, so3, static, wahba
 from attest.geometry.jit import kernel
-from attest.geometry.so3 import Matrix, Vector
+from attest.geometry.so3 import Matrix, Quaternion, Vector
 from attest.samples import Samples
 
 Array = NDArray[np.float64]
 
+COLUMNS = 12
+"""q (4), Omega_hat (3), beta_hat (3), |s_L| and Wahba's cost."""
 NEAR = 60_000_000_000
 """How far the gyroscope is believed when it leads back to a start, nanoseconds."""
 
@@ -35,7 +38,9 @@ class Observer:
     estimate: Callable[[Samples, Any], Estimates]
     """Run it over samples with its configuration."""
     lyapunov: Callable[[Estimates, Any, Array], Array] | None = None
-    """The paper's Lyapunov function, shape (n,), given the true gyroscope bias, rad/s, (3,)."""
+    """The paper's Lyapunov function, shape (n,), given beta_hat - beta, rad/s, (n, 3)."""
+    promises: Callable[[Samples, Estimates, Any], tuple[Claim, ...]] | None = None
+    """What its theory promises of this run, against what was seen."""
 
 
 def segments(samples: Samples) -> Iterator[slice]:
@@ -68,12 +73,19 @@ def initial_attitude(samples: Samples, part: slice, initial: Initial) -> Array:
     at = part.start + first
     valid = samples.valid[at]
     known = samples.inertial[0 if len(samples.inertial) == 1 else at][valid]
-    q = wahba.attitude(known, samples.body[at][valid])
-    if not first:
+    q = static.attitude(known, samples.body[at][valid])
+    if not first or not np.isfinite(samples.gyro[part.start]).all():  # feature points alone
         return q
     D = np.empty((first + 1, 4))
     so3.integrate(np.diff(samples.t[part.start : at + 1]) * 1e-9, samples.gyro[part], D)
     return quaternion.multiply(q, quaternion.conjugate(D[-1]))
+
+
+def initial_omega(gyro: Array, part: slice, initial: Initial, beta: Array) -> Array:
+    """Return the rate's error omega = Omega_m - Omega_hat - beta_hat at the start of a stretch."""
+    if part.start == 0 and initial.angular_velocity is not None:
+        return np.asarray(gyro[0] - np.array(initial.angular_velocity) - beta)
+    return np.zeros(3)
 
 
 def _first_with_two(samples: Samples, part: slice) -> int:
@@ -83,6 +95,18 @@ def _first_with_two(samples: Samples, part: slice) -> int:
     t = samples.t[part]
     near = int(np.searchsorted(t, t[0] + NEAR, side="right"))
     return int(np.argmax(samples.valid[part][:near].sum(axis=1) >= 2))  # 0 where there is none
+
+
+def gyro_noise(samples: Samples) -> float:
+    """Return the gyroscope's noise, the norm of its axes' standard deviations, rad/s.
+
+    Robust, from second differences, in which motion that the log resolves is small.
+    """
+    bends = np.diff(samples.gyro, n=2, axis=0)
+    if not len(bends):
+        return 0.0
+    deviation = 1.4826 * np.median(np.abs(bends), axis=0) / np.sqrt(6.0)
+    return float(np.linalg.norm(deviation))
 
 
 def refuse_divergence(name: str, t: NDArray[np.int64], states: Array) -> None:
@@ -126,9 +150,60 @@ def between(L: Array, i: int, j: int, m: int) -> Matrix:
     return so3.blend(so3.matrix_row(L, i), so3.matrix_row(L, following), j / m)
 
 
-def gain_matrices(samples: Samples, part: slice, K: Vector) -> Array:
+@kernel
+def constant_between(L: Array, i: int, j: int, m: int) -> float:
+    """Return the constant part of Wahba's cost there, as `between` does of L."""
+    following = min(i + 1, len(L) - 1)
+    f = j / m
+    return float((1.0 - f) * L[i, 9] + f * L[following, 9])
+
+
+def gain_matrices(samples: Samples, part: slice, weights: Weights) -> Array:
     """Return L and the cost's constant part at each step of a stretch, shape (n, 10)."""
+    return _matrices(samples, part, weights, np.empty((0, 6)))
+
+
+def gain_and_known_matrices(samples: Samples, part: slice, weights: Weights) -> tuple[Array, Array]:
+    """Return that and E W E^T by (xx, xy, xz, yy, yz, zz), shape (n, 6)."""
+    known = np.empty((part.stop - part.start, 6))
+    return _matrices(samples, part, weights, known), known
+
+
+def _matrices(samples: Samples, part: slice, weights: Weights, known: Array) -> Array:
     L = np.empty((part.stop - part.start, 10))
     E = samples.inertial if len(samples.inertial) == 1 else samples.inertial[part]
-    wahba.gain_matrices(E, samples.body[part], samples.valid[part], K, L)
+    U, valid = samples.body[part], samples.valid[part]
+    if isinstance(weights, VectorWeights) and weights.w is not None:
+        w = np.array([weights.w.get(name, 1.0) for name in samples.names])
+        wahba.diagonal_gain_matrices(E, U, valid, w, L, known)
+    else:
+        wahba.gain_matrices(E, U, valid, weights.k, L, known)
     return L
+
+
+@kernel
+def record(
+    out: Array, i: int, q: Quaternion, Omega: Vector, beta: Vector, s_norm: float, cost: float
+) -> None:
+    """Fill the first `COLUMNS` of row i of out with what every observer gives."""
+    out[i, 0], out[i, 1], out[i, 2], out[i, 3] = q
+    out[i, 4], out[i, 5], out[i, 6] = Omega
+    out[i, 7], out[i, 8], out[i, 9] = beta
+    out[i, 10], out[i, 11] = s_norm, cost
+
+
+def estimates(
+    name: str, samples: Samples, out: Array, *, bias: bool = True, **other: Any
+) -> Estimates:
+    """Make estimates of what `record` left, shape (n, 12 or more)."""
+    return Estimates(
+        observer=name,
+        t=samples.t,
+        q=quaternion.continuous(out[:, 0:4]),
+        angular_velocity=out[:, 4:7],
+        gyro_bias=out[:, 7:10] if bias else None,
+        s_norm=out[:, 10],
+        cost=out[:, 11],
+        updated=samples.valid,
+        **other,
+    )

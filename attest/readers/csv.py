@@ -2,7 +2,8 @@
 
 Header ``time_s, gyro_x, gyro_y, gyro_z`` (rad/s), and optionally ``accel_x`` … (m/s²), ``mag_x`` …
 (µT), ``ref_qw`` … (body to world), ``lat_deg, lon_deg, alt_m``, ``vel_x`` … (m/s, world),
-``torque_x`` … (N·m) and ``<name>_x, <name>_y, <name>_z`` for any other vector in the body. Comma,
+``torque_x`` … (N·m), ``point1_x`` … (feature points, m; these need no gyroscope) and
+``<name>_x, <name>_y, <name>_z`` for any other vector in the body. Comma,
 semicolon or tab between cells; lines that start with ``#`` are comments.
 """
 
@@ -61,10 +62,10 @@ def read(path: Path, options: ReadOptions) -> Recording:
     if unused:
         notes.append(Note(f"columns not used: {', '.join(unused)[:200]}", len(unused)))
     signals = _signals(rows, groups, notes)
-    if "gyro" not in signals:
+    if "gyro" not in signals and not _further(signals):
         raise ReadError(f"{path}: no row has a time and gyro_x, gyro_y, gyro_z. Fill the cells.")
     world = _world(options.world, signals, notes)
-    start = int(signals["gyro"].t[0])
+    start = min(int(signal.t[0]) for signal in signals.values())
     return Recording(
         path=path,
         format="csv",
@@ -95,7 +96,7 @@ def _groups(path: Path, names: Sequence[str]) -> tuple[dict[str, tuple[str, ...]
             and stem not in (*_RESERVED, "time", "ref", "")
         ):
             groups[_NAMES.get(stem, stem)] = axes
-    if "gyro" not in groups:
+    if "gyro" not in groups and not _further(groups):
         raise ReadError(
             f"{path}: no gyro_x, gyro_y, gyro_z column. An observer needs the gyroscope, in rad/s."
         )
@@ -103,6 +104,11 @@ def _groups(path: Path, names: Sequence[str]) -> tuple[dict[str, tuple[str, ...]
     if twice := sorted(name for name in used if held[name] > 1):
         raise ReadError(f"{path}: two columns are named {twice[0]}. Rename one.")
     return groups, sorted(held.keys() - used - {""})
+
+
+def _further(names: Iterable[str]) -> bool:
+    """Whether there are feature points or other vectors, which can do without a gyroscope."""
+    return not {"time", "ref", "accel", "mag", "torque", *_NAMES.values(), *_RESERVED} >= set(names)
 
 
 def _signals(

@@ -36,11 +36,13 @@ def summarise(result: Result, timing: Mapping[str, float]) -> dict[str, Any]:
             "count": len(estimates.t),
             "first_ns": int(estimates.t[0]),
             "last_ns": int(estimates.t[-1]),
-            "gyro_bias": estimates.gyro_bias[-1].tolist(),
+            "gyro_bias": None if estimates.gyro_bias is None else estimates.gyro_bias[-1].tolist(),
             "lyapunov_growth": _growth(result),
         },
         "metrics": None if result.metrics is None else _metrics(result.metrics),
         "consistency": _consistency(result),
+        "disturbance_torque": _disturbance(result),
+        "attestation": [asdict(claim) for claim in result.claims],
         **notes(result.notes),
         "timing": {f"{stage}_s": round(seconds, 4) for stage, seconds in timing.items()},
         "versions": versions(),
@@ -99,6 +101,23 @@ def _consistency(result: Result) -> dict[str, Any]:
         figures["field_ut_median"] = float(np.median(norm))
         figures["field_ut_spread"] = float(np.percentile(norm, 95) - np.percentile(norm, 5))
     return figures | _against_model(result)
+
+
+def _disturbance(result: Result) -> dict[str, Any] | None:
+    """Return the disturbance torque at the end, N·m, and its error where the log has the truth."""
+    estimates, recording = result.estimates, result.recording
+    found = estimates.states.get("disturbance_torque")
+    if found is None:
+        return None
+    figures: dict[str, Any] = {"last_nm": found[-1].tolist(), "rmse_nm": None}
+    true = recording.signals.get("disturbance_torque")
+    if true is not None:
+        at, known = (t - true.t[0] for t in (estimates.t, true.t))
+        off = found - np.stack([np.interp(at, known, column) for column in true.y.T], axis=1)
+        within = (at >= 0) & (at <= known[-1])
+        if within.any():
+            figures["rmse_nm"] = float(np.sqrt(np.mean(np.sum(off[within] ** 2, axis=1))))
+    return figures
 
 
 def _against_model(result: Result) -> dict[str, Any]:

@@ -26,6 +26,7 @@ def text_of_run(summary: Mapping[str, Any], written: Sequence[Path]) -> str:
         lines += [f"  reference   {metrics['reference']} ({kind})", "", *_errors(metrics), ""]
         lines += _findings(metrics)
     lines += _state(summary)
+    lines += _attestation(summary)
     lines += text_of_notes(summary)
     if written:
         names = " ".join(path.name for path in written)
@@ -71,26 +72,48 @@ def _findings(metrics: Mapping[str, Any]) -> list[str]:
         f"  clocks      {clocks}",
         f"  mounting    constant turn of {metrics['misalignment_deg']:.2f}° between the two bodies",
     ]
-    if metrics["bias_error"] is not None:
+    if metrics["bias_true"] is not None:
         true = np.rad2deg(np.array(metrics["bias_true"]))
-        error = np.rad2deg(metrics["bias_error"])
-        lines.append(
-            f"  true bias   {_vector(true)} °/s; estimate's error at the end {error:.3f} °/s"
+        words = (
+            ""
+            if metrics["bias_error"] is None
+            else f"; estimate's error at the end {np.rad2deg(metrics['bias_error']):.3f} °/s"
         )
+        lines.append(f"  true bias   {_vector(true)} °/s{words}")
     return lines
 
 
 def _state(summary: Mapping[str, Any]) -> list[str]:
-    bias = np.rad2deg(np.array(summary["estimates"]["gyro_bias"]))
+    bias = summary["estimates"]["gyro_bias"]
+    words = "not estimated" if bias is None else f"{_vector(np.rad2deg(bias))} °/s at the end"
     consistency = summary["consistency"]
     used = ", ".join(f"{name} {share:.0%}" for name, share in consistency["used"].items())
     lines = [
-        f"  gyro bias   {_vector(bias)} °/s at the end",
+        f"  gyro bias   {words}",
         f"  residual    |s_L| {consistency['s_norm_rms']:.3g} RMS, Wahba cost "
         f"{consistency['cost_mean']:.3g} mean; used {used or 'no vector'}",
     ]
+    if (torque := summary["disturbance_torque"]) is not None:
+        lines.append(f"  disturbance {_torque(torque)}")
     if "field_ut_median" in consistency:
         lines.append(f"  field       {_field(consistency)}")
+    return lines
+
+
+def _torque(torque: Mapping[str, Any]) -> str:
+    """Return the disturbance torque at the end, and its error where truth is known."""
+    rmse = torque["rmse_nm"]
+    error = "" if rmse is None else f"; RMSE against the log's {rmse:.3g} N·m"
+    return f"torque {_vector(torque['last_nm'])} N·m at the end{error}"
+
+
+def _attestation(summary: Mapping[str, Any]) -> list[str]:
+    """Return what theory promised, each with what was seen."""
+    marks = {True: "yes", False: "NO", None: "open"}
+    lines = ["", "  promised"] if summary["attestation"] else []
+    for claim in summary["attestation"]:
+        lines.append(f"  {marks[claim['holds']]:>9s}   {claim['statement']} [{claim['source']}]")
+        lines.append(f"  {'':9s}   {claim['seen']}")
     return lines
 
 

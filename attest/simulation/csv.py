@@ -22,7 +22,7 @@ _FACTORS = {"mag": 1e6}  # from SI: the file has µT
 
 def encode(flight: Flight) -> bytes:
     """Serialise signals and truth; every float reads back as it was (the field within rounding)."""
-    table = {}
+    table = {name: (signal.t, signal.y) for name, signal in flight.truth.items()}
     for name, signal in flight.signals.items():
         heard = flight.received(signal.t)
         table[name] = (signal.t[heard], signal.y[heard] * _FACTORS.get(name, 1.0))

@@ -11,6 +11,8 @@ Symbols: J inertia, kg·m²; tau control torque (signal ``torque``) and tau_d di
 ``disturbance_torque``) in the body, N·m; E inertial vectors; U = R^T E (``v1`` … ``v4``).
 """
 
+from functools import cache
+
 import numpy as np
 
 from attest.geometry import quaternion
@@ -64,12 +66,18 @@ def noisy(seed: int) -> Flight:
     return _simulate("eso-6-noise", seed, NOISE)
 
 
-def _simulate(scenario: str, seed: int, bound: float) -> Flight:
-    rng = np.random.default_rng(seed)
+@cache
+def _turning() -> Turning:
     t = experiment.stamps(STEPS)
     body = dynamics.Body(np.diag(J), tau, tau_d)
     q_0 = quaternion.exp(np.array([np.pi, 0.0, 0.0]))
-    turning = Turning(t, *dynamics.integrate(body, q_0, np.array([1.0, 0.5, 0.0]), seconds(t, 0)))
+    return Turning(t, *dynamics.integrate(body, q_0, np.array([1.0, 0.5, 0.0]), seconds(t, 0)))
+
+
+def _simulate(scenario: str, seed: int, bound: float) -> Flight:
+    rng = np.random.default_rng(seed)
+    t = experiment.stamps(STEPS)
+    turning = _turning()
     U = experiment.seen(turning, E)
     U = U + noise.rand(bound, U.shape, rng)
     along = seconds(t, 0), turning.q, turning.omega

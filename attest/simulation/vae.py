@@ -12,6 +12,8 @@ up to 0.5° and 0.37°/s that no observer can tell from the truth, the latter fr
 Symbols: E inertial vectors; U = R^T E (``v1`` … ``v9``); beta the bias; J_v inertia, kg·m².
 """
 
+from functools import cache
+
 import numpy as np
 
 from attest.geometry import quaternion
@@ -55,13 +57,19 @@ def phi(t: float, R: Array, Omega: Array) -> Array:  # noqa: ARG001 - a Torque
     return np.array([0.0, 0.028 * np.sin(2.7 * t - np.pi / 7.0), 0.0])
 
 
+@cache
+def _turning() -> Turning:
+    t = experiment.stamps(STEPS)
+    body = dynamics.Body(np.diag(J_V), phi)
+    return Turning(t, *dynamics.integrate(body, quaternion.exp(R_0), OMEGA_0, seconds(t, 0)))
+
+
 def simulate(seed: int) -> Flight:
     """Turn for 40 s; the seed draws the phases of the noise."""
     rng = np.random.default_rng(seed)
     t = experiment.stamps(STEPS)
     s = seconds(t, 0)
-    body = dynamics.Body(np.diag(J_V), phi)
-    turning = Turning(t, *dynamics.integrate(body, quaternion.exp(R_0), OMEGA_0, s))
+    turning = _turning()
     U = experiment.seen(turning, E)
     U = U + np.radians(noise.sinusoids(s, VECTOR_NOISE, E.shape, rng))
     nu = np.radians(noise.sinusoids(s, GYRO_NOISE, (3,), rng))

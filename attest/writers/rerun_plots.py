@@ -77,7 +77,8 @@ def _euler(result: Result) -> Iterator[Plot]:
 
 def _bias(result: Result) -> Iterator[Plot]:
     estimates = result.estimates
-    yield _xyz("Gyro bias [deg/s]", "bias", estimates, lambda: np.degrees(estimates.gyro_bias))
+    if (bias := estimates.gyro_bias) is not None:
+        yield _xyz("Gyro bias [deg/s]", "bias", estimates, lambda: np.degrees(bias))
 
 
 def _rate(result: Result) -> Iterator[Plot]:

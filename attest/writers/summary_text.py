@@ -20,7 +20,7 @@ SCENE = (
 
 def markdown(result: Result) -> str:
     """Say what was run, how good it was, and what to doubt."""
-    parts = (_head(result), _scores(result), _notes(result), [SCENE])
+    parts = (_head(result), _scores(result), _promises(result), _notes(result), [SCENE])
     return "\n\n".join("\n".join(part) for part in parts) + "\n"
 
 
@@ -75,6 +75,19 @@ def _settling(metrics: Metrics) -> str:
     if metrics.settling_time_s is None:
         return f"{metrics.scored} samples scored; the error never stays below {bound}."
     return f"{metrics.scored} samples scored; below {bound} after {metrics.settling_time_s:.1f} s."
+
+
+def _promises(result: Result) -> Iterator[str]:
+    """Say what theory promises and what was seen."""
+    marks = {True: "✓", False: "✗", None: "?"}
+    if result.claims:
+        yield "## Promised and seen"
+        yield ""
+    for claim in result.claims:
+        yield (
+            f"- {marks[claim.holds]} {escape(claim.statement)} *({escape(claim.source)})*: "
+            f"{escape(claim.seen)}"
+        )
 
 
 def _notes(result: Result) -> Iterator[str]:

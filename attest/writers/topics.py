@@ -71,7 +71,8 @@ def _of_observer(
     yield _transform("/tf", t, "world", body, estimates.q)
     yield _pose(f"{topic}/pose", t, estimates.q)
     yield _imu(f"{topic}/imu", body, estimates, recording)
-    yield _vector(f"{topic}/bias", t, body, estimates.gyro_bias)
+    if estimates.gyro_bias is not None:
+        yield _vector(f"{topic}/bias", t, body, estimates.gyro_bias)
     yield _vector(f"{topic}/euler", t, "world", np.degrees(quaternion.to_euler(estimates.q)))
     yield _state(f"{topic}/state", body, estimates, names)
     if (torque := estimates.states.get("disturbance_torque")) is not None:

@@ -1,8 +1,8 @@
-"""How quickly the kernel of `fts` steps, against VQF's C++ (9D), in one run.
+"""How quickly the observers step, each against VQF's C++ (9D), in one run.
 
-    python tests/benchmarks/bench_fts.py [--samples 500000] [--rounds 7]
+    python tests/benchmarks/bench_observers.py [NAME...] [--samples 200000] [--rounds 7]
 
-Both are given the same simulated turning sensor at 100 Hz with noise; prints the median of the time
+All are given the same simulated turning sensor at 100 Hz with noise; prints the median of the time
 per step of each, and of the ratio round by round.
 """
 
@@ -10,14 +10,16 @@ import argparse
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import vqf
 
+from attest import observers
 from attest.geometry import quaternion
-from attest.observers import fts
 from attest.samples import Samples
 
+NAMES = [name for name in observers.NAMES if name != "vqf"]
 GRAVITY, FIELD = np.array([0.0, 0.0, 9.81]), np.array([0.0, 20.0, -43.0])
 """Specific force at rest, m/s², and the field, µT, in east-north-up."""
 
@@ -37,7 +39,7 @@ def sensor(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
 
 
 def samples(t: np.ndarray, gyro: np.ndarray, accel: np.ndarray, mag: np.ndarray) -> Samples:
-    """Return what `fts` steps over."""
+    """Return what the observers step over."""
 
     def unit(v: np.ndarray) -> np.ndarray:
         return v / np.linalg.norm(v, axis=-1, keepdims=True)
@@ -63,26 +65,32 @@ def seconds(call: Callable[[], object]) -> float:
 
 
 def main() -> int:
-    """Time both in turn."""
+    """Time each observer and VQF in turn."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--samples", type=int, default=500_000)
+    parser.add_argument("names", nargs="*", default=NAMES)
+    parser.add_argument("--samples", type=int, default=200_000)
     parser.add_argument("--rounds", type=int, default=7)
     chosen = parser.parse_args()
     t, gyro, accel, mag = sensor(chosen.samples)
-    given, config = samples(t, gyro, accel, mag), fts.Config()
-    fts.estimate(given, config)  # compiles
-    times = np.array(
-        [
-            (
-                seconds(lambda: fts.estimate(given, config)),
-                seconds(lambda: vqf.VQF(0.01).updateBatch(gyro, accel, mag)),
-            )
-            for _ in range(chosen.rounds)
-        ]
-    )
-    ours, theirs = np.median(times, axis=0) / chosen.samples * 1e9
-    ratio = np.median(times[:, 0] / times[:, 1])
-    sys.stdout.write(f"fts {ours:.0f} ns/step, vqf 9D {theirs:.0f} ns/step, ratio {ratio:.3f}\n")
+    given = samples(t, gyro, accel, mag)
+    for name in chosen.names:
+        observer = observers.get(name)
+        config = observer.config()
+        observer.estimate(given, config)  # compiles
+        times = np.array(
+            [
+                (
+                    seconds(partial(observer.estimate, given, config)),
+                    seconds(lambda: vqf.VQF(0.01).updateBatch(gyro, accel, mag)),
+                )
+                for _ in range(chosen.rounds)
+            ]
+        )
+        ours, theirs = np.median(times, axis=0) / chosen.samples * 1e9
+        ratio = np.median(times[:, 0] / times[:, 1])
+        sys.stdout.write(
+            f"{name:13s} {ours:5.0f} ns/step, vqf 9D {theirs:4.0f} ns/step, ratio {ratio:.3f}\n"
+        )
     return 0
 
 

@@ -1,0 +1,134 @@
+"""What every observer's theory promises, against what was seen in a run."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from attest.claims import Claim
+from attest.config import Configuration
+from attest.estimates import Estimates
+from attest.geometry import quaternion, wahba
+from attest.metrics import Metrics
+from attest.samples import Samples
+
+Array = NDArray[np.float64]
+
+ROUNDING = 1e-9
+"""Growth of a Lyapunov function, in units of its start, that is none."""
+CHUNK = 1 << 16
+
+
+def attest(
+    samples: Samples, estimates: Estimates, metrics: Metrics | None, config: Configuration
+) -> tuple[Claim, ...]:
+    """Say whether what all observers are promised came out: SO(3), V, settling, conditioning."""
+    return (
+        _rotations(estimates.q),
+        *_gains(config),
+        *_observable(samples),
+        *_lyapunov(estimates),
+        *_settling(metrics),
+    )
+
+
+def _rotations(q: Array) -> Claim:
+    """Take the worst |R^T R - I| (largest entry); nothing is projected after the fact."""
+    worst = 0.0
+    for begin in range(0, len(q), CHUNK):
+        R = quaternion.to_matrix(q[begin : begin + CHUNK])
+        off = np.swapaxes(R, -1, -2) @ R - np.eye(3)
+        worst = max(worst, float(np.abs(off).max(initial=0.0)))
+    return Claim(
+        statement="every estimate is a rotation",
+        source="SO(3)",
+        seen=f"largest entry of |RᵀR - I| is {worst:.2g}",
+        holds=worst < 1e-9,
+        value=worst,
+        bound=1e-9,
+    )
+
+
+def _gains(config: Configuration) -> tuple[Claim, ...]:
+    """Say which theorem's conditions the configuration was checked against."""
+    theorem = getattr(getattr(config, "gains", None), "theorem", "")
+    if not theorem:
+        return ()
+    return (
+        Claim(
+            statement="gains and weights are in the range that the theory allows",
+            source=theorem.strip("[]"),
+            seen="checked when the configuration was read",
+            holds=True,
+        ),
+    )
+
+
+def _observable(samples: Samples) -> tuple[Claim, ...]:
+    """Say how many independent directions there were, and how well they tell the attitude."""
+    if not samples.names:
+        return (_directions(np.zeros((len(samples.t), 2))),)
+    found = np.empty((len(samples.t), 2))
+    wahba.independent(samples.inertial, samples.body, samples.valid, found)
+    return (_directions(found),)
+
+
+def _directions(found: Array) -> Claim:
+    count, angle = found[:, 0], np.rad2deg(found[:, 1])
+    shares = [float(np.mean(count == number)) for number in (2, 1, 0)]
+    words = [f"two directions or more in {shares[0]:.1%} of the steps"]
+    if shares[0]:
+        least, median = np.nanmin(angle), np.nanmedian(angle)
+        words[0] += f", {median:.0f}° apart ({least:.0f}° at the least)"
+    if shares[1]:
+        words.append(f"one in {shares[1]:.1%}: the turn about it is not observable then")
+    if shares[2]:
+        words.append(f"none in {shares[2]:.1%}: the gyroscope alone")
+    return Claim(
+        statement="two independent directions tell the attitude at each step",
+        source="rank E = 3",
+        seen="; ".join(words),
+        holds=shares[0] == 1.0,
+        value=shares[0],
+        bound=1.0,
+    )
+
+
+def _lyapunov(estimates: Estimates) -> tuple[Claim, ...]:
+    """Compare V with itself one step before; only without noise is it promised to fall."""
+    V = estimates.lyapunov
+    if V is None or len(V) < 2:
+        return ()
+    growth = np.diff(V)
+    worst, share = float(growth.max()), float(np.mean(growth > ROUNDING * V[0]))
+    fell = share == 0.0
+    seen = (
+        f"from {V[0]:.3g} to {V[-1]:.3g}, never up"
+        if fell
+        else f"from {V[0]:.3g} to {V[-1]:.3g}, up in {share:.0%} of the steps, by {worst:.2g} at "
+        "most: with noise no more is promised"
+    )
+    return (
+        Claim(
+            statement="the Lyapunov function never grows without noise",
+            source="Lyapunov function of the paper, with the true bias",
+            seen=seen,
+            holds=True if fell else None,
+            value=worst,
+            bound=ROUNDING * float(V[0]),
+        ),
+    )
+
+
+def _settling(metrics: Metrics | None) -> tuple[Claim, ...]:
+    if metrics is None:
+        return ()
+    settled, bound = metrics.settling_time_s, metrics.settling_bound_deg
+    seen = "not to the end" if settled is None else f"after {settled:.2f} s"
+    return (
+        Claim(
+            statement=f"the error settles below {bound:g}° and stays there",
+            source=f"convergence, against {metrics.reference}",
+            seen=seen,
+            holds=settled is not None,
+            value=settled,
+        ),
+    )

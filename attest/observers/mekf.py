@@ -1,0 +1,194 @@
+"""Multiplicative extended Kalman filter with gyroscope bias.
+
+[Lefferts82]  E. J. Lefferts, F. L. Markley, M. D. Shuster, "Kalman filtering for spacecraft
+              attitude estimation", J. Guidance 5(5).
+[Markley03]  F. L. Markley, "Attitude error representations for Kalman filtering",
+             J. Guidance 26(2).
+
+Symbols: R (as a quaternion q), beta_hat estimates; theta, beta_tilde errors in the body, R = R_hat
+exp(hat(theta)), beta = beta_hat + beta_tilde; P_a, P_c, P_b blocks of their covariance; M = R^T E W
+E^T R; N = h (tr(M) I - M)/r² what the vectors of a step tell of theta; y = -h s_L/r² the same of
+its value.
+
+The vectors' noise has an intensity, so that the same log at a higher rate does not count for more;
+weights W in place of single covariances make the update one of information: N and y add up over
+the vectors. To first order this is the GAME filter.
+"""
+
+from math import radians, sqrt
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from attest.config import Configuration, Section, VectorWeights
+from attest.estimates import Estimates
+from attest.geometry import so3, wahba
+from attest.geometry.jit import kernel
+from attest.geometry.so3 import Matrix, Quaternion, Vector
+from attest.observers.observer import (
+    COLUMNS,
+    Observer,
+    between,
+    estimates,
+    gain_and_known_matrices,
+    initial_attitude,
+    mean_rate,
+    record,
+    refuse_divergence,
+    segments,
+    steps,
+)
+from attest.samples import Samples
+
+Array = NDArray[np.float64]
+Covariance = tuple[Matrix, Matrix, Matrix]
+"""P_a, P_c, P_b."""
+State = tuple[Quaternion, Vector, Covariance]
+"""q, beta_hat, covariance."""
+
+
+class Gains(Section):
+    """Noise that the filter expects."""
+
+    theorem = "[Lefferts82]"
+
+    direction_noise: Annotated[float, Field(gt=0)] = 1.0
+    """Root intensity r of the vectors' noise at a weight of 1 [rad √s]. More follows them less."""
+    gyro_noise: Annotated[float, Field(gt=0)] = 0.074
+    """Root intensity of the gyroscope's noise [rad/√s]. More follows the vectors more."""
+    bias_walk: Annotated[float, Field(ge=0)] = 0.001
+    """Root intensity of the bias's random walk [rad/s/√s]."""
+    attitude_deg: Annotated[float, Field(gt=0, le=180)] = 20.0
+    """Standard deviation of the initial attitude about each axis, degrees."""
+    bias_deg_s: Annotated[float, Field(gt=0)] = 2.0
+    """Standard deviation of the initial bias about each axis, degrees/s."""
+
+
+class Config(Configuration):
+    """Configuration of ``mekf``; the defaults suit flight logs."""
+
+    observer: str = "mekf"
+    gains: Gains = Gains()
+    weights: VectorWeights = VectorWeights(k=(1.2, 1.0, 30.0))
+
+
+@kernel
+def update(
+    q: Quaternion, beta: Vector, P: Covariance, N: Matrix, y: Vector
+) -> tuple[Quaternion, Vector, Covariance]:
+    """Take in what vectors tell of theta, information N and N theta = y; [Lefferts82] VI."""
+    P_a, P_c, P_b = P
+    T = so3.inverse(so3.plus(so3.IDENTITY, so3.matmul(N, P_a)))
+    gain = so3.apply(T, y)
+    theta = so3.apply(P_a, gain)
+    G = so3.symmetric(so3.matmul(T, N))
+    P_a_G = so3.matmul(P_a, G)
+    after = (
+        so3.symmetric(so3.plus(P_a, so3.times(-1.0, so3.matmul(P_a_G, P_a)))),
+        so3.plus(P_c, so3.times(-1.0, so3.matmul(P_a_G, P_c))),
+        so3.symmetric(
+            so3.plus(P_b, so3.times(-1.0, so3.matmul(so3.matmul(so3.transpose(P_c), G), P_c)))
+        ),
+    )
+    beta_after = so3.add(beta, so3.apply(so3.transpose(P_c), gain))
+    return so3.multiply(q, so3.exp(theta)), beta_after, after
+
+
+@kernel
+def predict(
+    q: Quaternion, P: Covariance, Omega_b: Vector, h: float, noise: tuple[float, float]
+) -> tuple[Quaternion, Covariance]:
+    """Carry state and covariance over h, theta' = -Omega x theta - beta_tilde; [Lefferts82] VI."""
+    P_a, P_c, P_b = P
+    turn = so3.exp(so3.scale(h, Omega_b))
+    A = so3.matrix(turn)
+    A_T = so3.transpose(A)
+    spread = so3.plus(so3.times(-2.0 * h, so3.symmetric(P_c)), so3.times(h * h, P_b))
+    P_a = so3.matmul(so3.matmul(A_T, so3.plus(P_a, spread)), A)
+    P_c = so3.matmul(A_T, so3.plus(P_c, so3.times(-h, P_b)))
+    grown = (h * noise[0], h * noise[0], h * noise[0])
+    walked = (h * noise[1], h * noise[1], h * noise[1])
+    after = (
+        so3.symmetric(so3.plus(P_a, so3.diagonal(grown))),
+        P_c,
+        so3.plus(P_b, so3.diagonal(walked)),
+    )
+    return so3.multiply(q, turn), after
+
+
+@kernel
+def information(q: Quaternion, known: Array, i: int, scale: float) -> Matrix:
+    """Return scale (tr(M) I - M) with M = R^T E W E^T R, from row i of E W E^T (n, 6)."""
+    a = known[i, 0], known[i, 1], known[i, 2]
+    b = known[i, 1], known[i, 3], known[i, 4]
+    c = known[i, 2], known[i, 4], known[i, 5]
+    R = so3.matrix(q)
+    M = so3.matmul(so3.matmul(so3.transpose(R), (*a, *b, *c)), R)
+    trace = M[0] + M[4] + M[8]
+    return so3.times(scale, so3.plus(so3.diagonal((trace, trace, trace)), so3.times(-1.0, M)))
+
+
+@kernel
+def run(
+    h: Array,
+    substeps: NDArray[np.int64],
+    gyro: Array,
+    L: Array,
+    known: Array,
+    start: State,
+    numbers: tuple[float, float, float],
+    out: Array,
+) -> None:
+    """Fold updates and predictions over the steps; row i of out (n, 15) is the state before step i.
+
+    The last columns are the diagonal of P_a. Numbers are r², and the intensities of gyroscope and
+    bias.
+    """
+    q, beta, P = start
+    for i in range(len(h)):
+        for j in range(substeps[i]):
+            Omega_m, L_j = mean_rate(gyro, i, j, substeps[i]), between(L, i, j, substeps[i])
+            B = so3.matmul(so3.transpose(so3.matrix(q)), L_j)
+            s = wahba.residual(B)
+            if j == 0:
+                Omega_hat = so3.sub(so3.row(gyro, i), beta)
+                record(out, i, q, Omega_hat, beta, sqrt(so3.dot(s, s)), wahba.cost(L[i, 9], B))
+                out[i, 12], out[i, 13], out[i, 14] = P[0][0], P[0][4], P[0][8]
+            told = h[i] / numbers[0]
+            N = information(q, known, i, told)
+            q, beta, P = update(q, beta, P, N, so3.scale(-told, s))
+            q, P = predict(q, P, so3.sub(Omega_m, beta), h[i], numbers[1:])
+
+
+def estimate(samples: Samples, config: Config) -> Estimates:
+    """Estimate attitude and gyroscope bias; the bias survives a restart, the rest starts anew."""
+    gains = config.gains
+    numbers = (gains.direction_noise**2, gains.gyro_noise**2, gains.bias_walk**2)
+    P_a, P_b = radians(gains.attitude_deg) ** 2, radians(gains.bias_deg_s) ** 2
+    out = np.empty((len(samples.t), COLUMNS + 3))
+    beta = np.array(config.initial.bias)
+    for part in segments(samples):
+        q = so3.as_quaternion(initial_attitude(samples, part, config.initial))
+        P = (
+            so3.times(P_a, so3.IDENTITY),
+            so3.times(0.0, so3.IDENTITY),
+            so3.times(P_b, so3.IDENTITY),
+        )
+        start = (q, so3.as_vector(beta), P)
+        L, known = gain_and_known_matrices(samples, part, config.weights)
+        h, substeps = steps(samples, part), samples.substeps[part]
+        run(h, substeps, samples.gyro[part], L, known, start, numbers, out[part])
+        refuse_divergence("mekf", samples.t[part], out[part])
+        beta = out[part.stop - 1, 7:10]
+    states = {"attitude_std": np.sqrt(np.maximum(out[:, 12:15], 0.0))}
+    return estimates("mekf", samples, out, states=states)
+
+
+OBSERVER = Observer(
+    title="Multiplicative extended Kalman filter",
+    paper="Lefferts, Markley, Shuster 1982; Markley 2003",
+    config=Config,
+    estimate=estimate,
+)

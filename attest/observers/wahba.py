@@ -1,0 +1,95 @@
+"""Wahba's problem solved anew at each step: no memory, the baseline that only the vectors feed.
+
+[Wahba65]  G. Wahba, "A least squares estimate of satellite attitude", SIAM Review 7(3).
+[Davenport68]  P. B. Davenport, "A vector approach to the algebra of rotations", NASA TN D-4696.
+
+Symbols: R attitude (as a quaternion q), the rotation that maximises <R, L>, L = E W U^T.
+
+What the vectors of a step leave open (one vector, or none) is as the gyroscope carries it from the
+step before.
+"""
+
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from attest.config import Configuration, Section, VectorWeights
+from attest.estimates import Estimates
+from attest.geometry import so3, static, wahba
+from attest.geometry.jit import kernel
+from attest.geometry.so3 import Quaternion, Vector
+from attest.observers.observer import (
+    COLUMNS,
+    Observer,
+    estimates,
+    gain_matrices,
+    initial_attitude,
+    record,
+    segments,
+)
+from attest.samples import Samples
+
+Array = NDArray[np.float64]
+
+
+class Gains(Section):
+    """There are none."""
+
+
+class Config(Configuration):
+    """Configuration of ``wahba``."""
+
+    observer: str = "wahba"
+    gains: Gains = Gains()
+    weights: VectorWeights = VectorWeights(k=(1.2, 1.0, 30.0))
+
+
+@kernel
+def run(h: Array, gyro: Array, L: Array, start: Quaternion, beta: Vector, out: Array) -> None:
+    """Fill row i of out (n, 12) with the solution of step i.
+
+    Parameters
+    ----------
+    h : shape (n,)
+        Length of each step, s.
+    gyro : shape (n, 3)
+        Measured rate, rad/s.
+    L : shape (n, 10)
+        From `attest.geometry.wahba.gain_matrices`.
+    start
+        What the first step's vectors leave open is as here.
+    beta
+        Known bias, rad/s.
+    """
+    predicted = start
+    N, V = np.empty((4, 4)), np.empty((4, 4))
+    for i in range(len(h)):
+        L_i = so3.matrix_row(L, i)
+        q = static.closest(L_i, predicted, N, V)
+        B = so3.matmul(so3.transpose(so3.matrix(q)), L_i)
+        s = wahba.residual(B)
+        Omega = so3.sub(so3.row(gyro, i), beta)
+        record(out, i, q, Omega, beta, sqrt(so3.dot(s, s)), wahba.cost(L[i, 9], B))
+        mean = so3.sub(so3.mean_row(gyro, i), beta)
+        predicted = so3.normalize(so3.multiply(q, so3.exp(so3.scale(h[i], mean))))
+
+
+def estimate(samples: Samples, config: Config) -> Estimates:
+    """Solve each step's problem; the angular velocity is the gyroscope's."""
+    out = np.empty((len(samples.t), COLUMNS))
+    beta = config.initial.bias
+    for part in segments(samples):
+        start = so3.as_quaternion(initial_attitude(samples, part, config.initial))
+        L = gain_matrices(samples, part, config.weights)
+        h = np.diff(samples.t[part], append=samples.t[part][-1]) * 1e-9
+        run(h, samples.gyro[part], L, start, beta, out[part])
+    return estimates("wahba", samples, out, bias=False)
+
+
+OBSERVER = Observer(
+    title="Wahba's problem at each step, without memory",
+    paper="Wahba 1965; Davenport 1968",
+    config=Config,
+    estimate=estimate,
+)
