@@ -80,7 +80,7 @@ def own_times(table: Table) -> Times | None:
     t = _unwrapped(raw[sane].astype(np.int64), raw.dtype.itemsize == 4) * unit
     if len(t) > 2 and not np.any(t != t[0]):
         return None  # a field that was never filled in
-    return Times(table.at[sane], t, table.arrival[sane] * 1_000, sane, ~_not_stray(t))
+    return Times(table.at[sane], t, table.arrival[sane] * 1_000, sane, ~not_stray(t))
 
 
 def _unwrapped(raw: Ints, narrow: bool) -> Ints:
@@ -107,7 +107,7 @@ def _trusted(arrival: Ints) -> Ints:
     return trusted
 
 
-def _not_stray(t: Ints) -> Mask:
+def not_stray(t: Ints) -> Mask:
     """Mark the readings that are not a moment's excursion to an older or a later time."""
     kept = np.ones(len(t), np.bool_)
     for lone in (_lone_old, _lone_late):

@@ -35,7 +35,7 @@ class Timeline:
     def of(self, name: str, table: Table, notes: list[Note]) -> tuple[Ints, Ints]:
         """Give times that advance strictly, and the rows of the vehicle's table they belong to."""
         times = self.times[name] if name in self.times else self._before(name, table, notes)
-        return _advancing(name, times, len(table), notes)
+        return sound_rows(name, times, len(table), notes)
 
     def of_foreign(self, name: str, table: Table, notes: list[Note]) -> tuple[Ints, Ints]:
         """Do the same for messages that somebody else sent, who may have another clock."""
@@ -45,7 +45,7 @@ class Timeline:
         else:
             shift = _shift(name, times.sound(), self.base, self.clock.utc_offset, notes)
             times = times.moved(shift)
-        return _advancing(name, times, len(table), notes)
+        return sound_rows(name, times, len(table), notes)
 
     def _before(self, name: str, table: Table, notes: list[Note]) -> Times:
         times = clock.of_message_before(table.at, self.now)
@@ -83,11 +83,11 @@ def timeline(
     parts = clock.segments(sound, base, _unix(tables, timed))
     timed = {name: clock.mapped(times, parts) for name, times in timed.items()}
     base_times = timed[base].sound()
-    restarts = _restarts(parts, base_times, notes)
+    rebooted = restarts(parts, base_times, notes)
     _late(clock.falls(now), {part.at for part in parts}, base_times, notes)
     chosen = _clock(base_times, _unix(tables, timed), stamped, notes)
     now = {name: timed[name] for name in now}
-    return Timeline(chosen, restarts, timed, base_times, clock.together([*now.values()]))
+    return Timeline(chosen, rebooted, timed, base_times, clock.together([*now.values()]))
 
 
 def _unix(tables: Mapping[str, Table], timed: Mapping[str, Times]) -> tuple[Ints, Ints] | None:
@@ -125,7 +125,8 @@ def _shift(
     return -ahead
 
 
-def _restarts(parts: list[Segment], base: Times, notes: list[Note]) -> tuple[int, ...]:
+def restarts(parts: list[Segment], base: Times, notes: list[Note]) -> tuple[int, ...]:
+    """Return the first inertial times after each restart, and note how far the clock fell."""
     found = []
     for part in parts[1:]:
         after = base.t[base.at >= part.at]
@@ -166,7 +167,7 @@ def _late(found: list[clock.Fall], reboots: set[int], base: Times, notes: list[N
         notes.append(Note(text + "a reboot and came back: messages that came late, dropped"))
 
 
-def _advancing(name: str, times: Times, total: int, notes: list[Note]) -> tuple[Ints, Ints]:
+def sound_rows(name: str, times: Times, total: int, notes: list[Note]) -> tuple[Ints, Ints]:
     """Drop what does not belong or does not advance."""
     sound = times.sound()
     later = clock.advancing(sound.t)

@@ -16,6 +16,7 @@ from attest.errors import ConfigError, ReadError
 from attest.geometry import quaternion
 from attest.readers import ReadOptions
 
+FORMATS = ", ".join(readers.NAMES)
 UNIX = 1_700_000_000_000_000
 """Receiver's clock when the sender's boot clock reads zero, microseconds."""
 
@@ -324,7 +325,7 @@ def test_junk_in_front_and_behind(tmp_path):
     [
         (b"", "the file is empty. Record or copy the log again."),
         (b"\xff\xd8\xff\xe0\x00\x10JFIF" + bytes(range(256)) * 8,
-         "not a log that attest knows (tlog, csv). Check that it is the file you meant."),
+         f"not a log that attest knows ({FORMATS}). Check that it is the file you meant."),
     ],
 )  # fmt: skip
 def test_files_that_are_no_logs(tmp_path, content, message):

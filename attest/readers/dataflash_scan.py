@@ -1,0 +1,281 @@
+"""The messages of a binary DataFlash log: found through damage, decoded for the wanted names.
+
+There are no checksums. A sound log is a chain: each message ends where the next one's header
+begins. A message is taken if a header follows it, or else, in what the chain leaves uncovered, if
+its time lies between those of its neighbours.
+"""
+
+from collections import Counter
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from attest.readers.dataflash_format import (
+    DIVISORS,
+    FMT,
+    FMT_FORMAT,
+    HEADER,
+    Damage,
+    Format,
+    Ints,
+    Mask,
+    Scan,
+    Table,
+    parse,
+    with_units,
+)
+
+Bytes = NDArray[np.uint8]
+
+MARKS = (0xA3, 0x95)
+BLOCK = 1 << 24
+"""Bytes looked at together."""
+REDEFINED = 100
+"""A message number is defined anew at most this often."""
+NEAR = 5_000_000
+"""A message between two others is at most this far from one of them, microseconds."""
+SHORTEST = HEADER + 8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Frames:
+    """Messages, or what could be some."""
+
+    at: Ints
+    kind: Bytes
+    end: Ints
+
+    def __len__(self) -> int:
+        return len(self.at)
+
+    def __getitem__(self, chosen: Mask | Ints) -> "_Frames":
+        return _Frames(self.at[chosen], self.kind[chosen], self.end[chosen])
+
+
+Definitions = dict[int, list[tuple[int, Format]]]
+"""By message number: from which place on which format holds."""
+
+
+def scan(path: Path, wanted: Collection[str]) -> Scan:
+    """Read the wanted messages of a log."""
+    data: Bytes = np.memmap(path, np.uint8, "r")
+    places = marks(data)
+    defined = definitions(data, places)
+    maybe = _candidates(data, places, defined)
+    frames = _sound(data, maybe, defined)
+    named = list(_by_name(frames, defined))
+    counts: Counter[str] = Counter()
+    for form, chosen in named:
+        counts[form.name] += len(chosen)
+    tables, formats, odd = _tables(data, frames, named, {*wanted, "UNIT", "MULT", "FMTU"})
+    units = with_units(tables, formats)
+    found = {name: table for name, table in units.items() if name in wanted}
+    return Scan(found, dict(counts), _damage(data, frames, defined), odd)
+
+
+def marks(data: Bytes) -> Ints:
+    """Find the places where a message could begin and its number is still in the file."""
+    found = []
+    for start in range(0, len(data), BLOCK):
+        block = np.asarray(data[start : start + BLOCK + HEADER - 1])
+        at = np.flatnonzero(block[: max(0, len(block) - HEADER + 1)] == MARKS[0])
+        found.append(at[block[at + 1] == MARKS[1]] + start)
+    return np.concatenate(found) if found else np.zeros(0, np.int64)
+
+
+def definitions(data: Bytes, places: Ints) -> Definitions:
+    """Read every FMT that can be one."""
+    at = places[data[places + 2] == FMT]
+    at = at[at + FMT_FORMAT.length <= len(data)]
+    known: dict[bytes, Format | None] = {}
+    found: Definitions = {FMT: [(0, FMT_FORMAT)]}
+    for place, row in zip(at.tolist(), rows(data, at, FMT_FORMAT.length).tolist(), strict=True):
+        if row not in known:
+            known[row] = parse(row[3], row[4], row[5:9], row[9:25], row[25:89])
+        form = known[row]
+        if form is None or form.kind == FMT:
+            continue
+        given = found.setdefault(form.kind, [])
+        if len(given) < REDEFINED and (not given or given[-1][1] != form):
+            given.append((place if given else 0, form))
+    return found
+
+
+def rows(data: Bytes, at: Ints, length: int) -> NDArray[np.void]:
+    """Take so many bytes from each place."""
+    shape = (max(0, len(data) - length + 1),)
+    every: NDArray[np.void] = np.ndarray(shape, f"V{length}", data, strides=(1,))
+    return every[at]
+
+
+def _candidates(data: Bytes, places: Ints, defined: Definitions) -> _Frames:
+    """Everything with a known number that lies in the file as a whole."""
+    kinds = data[places + 2]
+    lengths = np.zeros(256, np.int64)
+    for kind, given in defined.items():
+        lengths[kind] = given[0][1].length
+    length = lengths[kinds]
+    for kind, given in defined.items():
+        if len({form.length for _, form in given}) > 1:
+            mine = np.flatnonzero(kinds == kind)
+            index = np.searchsorted([at for at, _ in given], places[mine], side="right") - 1
+            length[mine] = np.array([form.length for _, form in given])[index]
+    whole = (length > 0) & (places + length <= len(data))
+    return _Frames(places[whole], kinds[whole], (places + length)[whole])
+
+
+def _sound(data: Bytes, maybe: _Frames, defined: Definitions) -> _Frames:
+    """Tell messages from what only looks like one."""
+    linked = _linked(data, maybe.end)
+    chain = _disjoint(maybe[linked])
+    rest = maybe[~linked]
+    after = np.searchsorted(chain.at, rest.at)
+    start = np.concatenate([[0], chain.end])[after]
+    stop = np.concatenate([chain.at, [len(data)]])[after]
+    inside = (rest.at >= start) & (rest.end <= stop)
+    # bytes too few for a message behind it: it lost some, or others were put into it
+    inside &= (stop - rest.end >= SHORTEST) | (stop == len(data))
+    if not inside.any():
+        return chain
+    rest, after = rest[inside], after[inside]
+    more = _disjoint(rest[_plausible(data, rest, chain, after, defined)])
+    if not len(more):
+        return chain
+    together = _Frames(
+        np.concatenate([chain.at, more.at]),
+        np.concatenate([chain.kind, more.kind]),
+        np.concatenate([chain.end, more.end]),
+    )
+    return together[np.argsort(together.at, kind="stable")]
+
+
+def _linked(data: Bytes, end: Ints) -> Mask:
+    """Whether a header follows, or the end of the file."""
+    last = len(data) - 1
+    first, second = data[np.minimum(end, last)], data[np.minimum(end + 1, last)]
+    follows = (first == MARKS[0]) & (second == MARKS[1]) & (end < last)
+    linked: Mask = follows | (end == len(data))
+    return linked
+
+
+def _disjoint(frames: _Frames) -> _Frames:
+    """Drop what begins inside another one; what begins where another one ends goes first."""
+    if not np.any(frames.at[1:] < frames.end[:-1]):
+        return frames
+    furthest = np.maximum.accumulate(frames.end)
+    doubtful = np.flatnonzero(frames.at[1:] < furthest[:-1]) + 1
+    behind = np.isin(frames.at, frames.end)
+    kept = np.ones(len(frames), np.bool_)
+    for i in doubtful.tolist():
+        j = i - 1
+        while j >= 0 and not kept[j]:
+            j -= 1
+        if j >= 0 and frames.at[i] < frames.end[j]:
+            kept[j if behind[i] and not behind[j] else i] = False
+    return frames[kept]
+
+
+def _plausible(
+    data: Bytes, rest: _Frames, chain: _Frames, after: Ints, defined: Definitions
+) -> Mask:
+    """Whether the time of each fits those of the chain's messages around it."""
+    t, timed = _micros(data, rest, defined)
+    about, known = _micros(data, chain, defined)
+    index = np.flatnonzero(known)
+    if not len(index):
+        return timed
+    right = np.searchsorted(index, after)
+    before = about[index[np.maximum(right - 1, 0)]]
+    behind = about[index[np.minimum(right, len(index) - 1)]]
+    near = np.minimum(_apart(t, before), _apart(t, behind)) < NEAR
+    return timed & (near | ((t > before) & (t < behind)))
+
+
+def _apart(t: NDArray[np.uint64], other: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    apart: NDArray[np.uint64] = np.maximum(t, other) - np.minimum(t, other)
+    return apart
+
+
+def _micros(data: Bytes, frames: _Frames, defined: Definitions) -> tuple[NDArray[np.uint64], Mask]:
+    """Microseconds since boot of the messages that begin with them."""
+    timed = np.zeros(256, np.bool_)
+    for kind, given in defined.items():
+        timed[kind] = all(form.timed and form.length >= SHORTEST for _, form in given)
+    has = timed[frames.kind]
+    t = np.zeros(len(frames), np.uint64)
+    t[has] = rows(data, frames.at[has] + HEADER, 8).view("<u8")
+    return t, has
+
+
+def _by_name(frames: _Frames, defined: Definitions) -> Iterator[tuple[Format, Ints]]:
+    """Yield the messages of each format."""
+    order = np.argsort(frames.kind, kind="stable")
+    edges = np.searchsorted(frames.kind[order], np.arange(257))
+    for kind, given in defined.items():
+        mine = order[edges[kind] : edges[kind + 1]]
+        starts = [at for at, _ in given[1:]]
+        cuts = np.searchsorted(frames.at[mine], starts)
+        for (_, form), chosen in zip(given, np.split(mine, cuts), strict=True):
+            if len(chosen):
+                yield form, chosen
+
+
+def _tables(
+    data: Bytes,
+    frames: _Frames,
+    named: list[tuple[Format, Ints]],
+    wanted: Collection[str],
+) -> tuple[dict[str, Table], dict[str, Format], tuple[str, ...]]:
+    """Decode; a name with several formats keeps the columns that all of them have."""
+    parts: dict[str, list[Table]] = {}
+    formats, odd = {}, []
+    for form, chosen in named:
+        if form.name not in wanted:
+            continue
+        if form.dtype is None:
+            odd.append(form.name)
+            continue
+        formats[form.name] = form
+        parts.setdefault(form.name, []).append(_decode(data, frames.at[chosen], form, form.dtype))
+    return {name: _joined(found) for name, found in parts.items()}, formats, tuple(odd)
+
+
+def _decode(data: Bytes, at: Ints, form: Format, dtype: np.dtype[np.void]) -> Table:
+    raw = rows(data, at, form.length).view(dtype)
+    columns: dict[str, NDArray[Any]] = {}
+    for name, char in zip(form.columns, form.chars, strict=False):
+        column = np.ascontiguousarray(raw[name])
+        columns[name] = column / DIVISORS[char] if char in DIVISORS else column
+    return Table(at, columns)
+
+
+def _joined(parts: list[Table]) -> Table:
+    if len(parts) == 1:
+        return parts[0]
+    order = np.argsort(np.concatenate([part.at for part in parts]), kind="stable")
+    columns = {}
+    for name in parts[0].columns:
+        values = [part.columns[name] for part in parts if name in part.columns]
+        if (
+            len(values) == len(parts)
+            and len({(value.dtype.kind == "S", value.ndim) for value in values}) == 1
+        ):
+            columns[name] = np.concatenate(values)[order]
+    return Table(np.concatenate([part.at for part in parts])[order], columns)
+
+
+def _damage(data: Bytes, frames: _Frames, defined: Definitions) -> Damage:
+    """Count what lies between the messages."""
+    start = np.concatenate([[0], frames.end])
+    stop = np.concatenate([frames.at, [len(data)]])
+    gap = stop - start
+    tail = data[int(start[-1]) :][:HEADER].tolist()
+    begun = len(tail) == HEADER and tuple(tail[:2]) == MARKS and tail[2] in defined
+    cut = bool(0 < gap[-1] < HEADER) or (begun and int(gap[-1]) < 256)
+    if cut:
+        gap = gap[:-1]
+    return Damage(int((gap > 0).sum()), int(gap.sum()), cut)
