@@ -14,7 +14,7 @@ from attest.recording import Recording
 
 __all__ = ["NAMES", "ReadOptions", "is_log", "read", "recognise"]
 
-NAMES = ("dataflash", "tlog", "csv")
+NAMES = ("ulog", "dataflash", "tlog", "csv")
 """Modules in the order they are asked; imported on use."""
 HEAD = 1 << 16
 """Bytes that a reader may look at to recognise a file."""

@@ -10,10 +10,11 @@ from attest.errors import ReadError
 from attest.geometry import quaternion
 from attest.readers import dataflash_scan, dataflash_text
 from attest.readers import dataflash_signals as messages
-from attest.readers.dataflash_format import FMT, FMT_FORMAT, Damage, Ints, Mask, Scan, text_of
+from attest.readers.dataflash_format import FMT, FMT_FORMAT, Damage, Mask, Scan, text_of
 from attest.readers.dataflash_signals import ATTITUDES, Array, Stream
 from attest.readers.dataflash_timeline import Timeline, timeline
 from attest.readers.options import ReadOptions
+from attest.readers.values import usable
 from attest.recording import Note, Recording, Reference, Signal
 
 VELOCITY = ("XKF1", "NKF1", "GPS")
@@ -140,49 +141,16 @@ def _first(log: _Log, streams: list[Stream], signal: str) -> Signal | None:
 
 def _sensor(log: _Log, stream: Stream, signal: str) -> Signal | None:
     values = messages.measured(signal, stream.table)
-    if values is None:
-        return None
-    y, held = values
-    with np.errstate(invalid="ignore"):
-        wild = held & np.any(np.abs(y) > messages.WILD[signal], axis=1) & _finite(y)
-    if count := int(wild.sum()):
-        text = f"{stream.label} {signal} beyond what a sensor measures dropped"
-        log.notes.append(Note(text, count, doubt=count > 0.01 * len(y)))
-    return _signal(log, stream, y, held & ~wild, wild, signal)
+    return None if values is None else _signal(log, stream, *values, signal)
 
 
-def _signal(
-    log: _Log, stream: Stream, y: Array, held: Mask, known: Mask, what: str
-) -> Signal | None:
+def _signal(log: _Log, stream: Stream, y: Array, held: Mask, what: str) -> Signal | None:
     """Put values on the clock; None where there are none."""
-    t, rows = _usable(log, stream, y, held, known, what)
-    return Signal(t, np.ascontiguousarray(y[rows]), stream.label) if len(t) else None
-
-
-def _usable(
-    log: _Log, stream: Stream, y: Array, held: Mask, known: Mask, what: str
-) -> tuple[Ints, Ints]:
-    """Find times and rows of the values that are held and finite.
-
-    Parameters
-    ----------
-    known
-        Rows without a value that have been noted already.
-    """
     if not held.any():
-        return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    t, rows = log.line.of(stream, log.notes)
-    finite = _finite(y)
-    if lost := int((~held & finite & ~known).sum()):
-        log.notes.append(Note(f"{stream.label} {what} without a value dropped", lost))
-    if lost := int((~finite).sum()):
-        log.notes.append(Note(f"{stream.label} {what} not finite dropped", lost))
-    good = (held & finite)[rows]
-    return t[good], rows[good]
-
-
-def _finite(y: Array) -> Mask:
-    return np.asarray(np.all(np.isfinite(y), axis=1))
+        return None
+    times = log.line.of(stream, log.notes)
+    t, rows = usable(f"{stream.label} {what}", times, y, held, log.notes)
+    return Signal(t, np.ascontiguousarray(y[rows]), stream.label) if len(t) else None
 
 
 def _velocity(log: _Log) -> Signal | None:
@@ -191,21 +159,20 @@ def _velocity(log: _Log) -> Signal | None:
         if values is None:
             continue
         y, held = values
-        if not np.any(y[held & _finite(y)]):
+        if not np.any(np.nan_to_num(y[held])):
             text = f"{stream.label} with a velocity of zero throughout: not used"
             log.notes.append(Note(text))
             continue
-        return _signal(log, stream, y, held, np.zeros(len(y), np.bool_), "velocity")
+        return _signal(log, stream, y, held, "velocity")
     return None
 
 
 def _position(log: _Log) -> Signal | None:
     for stream in (s for family in POSITION for s in log.streams[family][:1]):
         values = messages.position(stream)
-        if values is not None:
-            none = np.zeros(len(values[0]), np.bool_)
-            if (signal := _signal(log, stream, *values, none, "position")) is not None:
-                return signal
+        signal = None if values is None else _signal(log, stream, *values, "position")
+        if signal is not None:
+            return signal
     return None
 
 
@@ -222,8 +189,9 @@ def _references(log: _Log) -> dict[str, Reference]:
             q, held = values
             if not held.any():
                 log.notes.append(Note(f"{stream.label} without an attitude throughout: not used"))
-            none = np.zeros(len(q), np.bool_)
-            t, rows = _usable(log, stream, q, held, none, "attitude")
+                continue
+            times = log.line.of(stream, log.notes)
+            t, rows = usable(f"{stream.label} attitude", times, q, held, log.notes)
             if len(t):
                 kind = ATTITUDES[family].kind
                 turned = quaternion.continuous(q[rows])

@@ -38,8 +38,6 @@ INSTANCES = ("I", "C")
 
 GYRO, ACCEL, MAG = (tuple(f"{stem}{axis}" for axis in "XYZ") for stem in ("Gyr", "Acc", "Mag"))
 VELOCITY = ("VN", "VE", "VD")
-WILD = {"gyro": 200.0, "accel": 5000.0, "mag": 0.1}
-"""No sensor measures more: a message without a checksum that says so is damaged."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -84,16 +84,7 @@ def text_of_info(info: Mapping[str, Any]) -> str:
         f"  {name:12s}{s['source']:24s}{_rhythm(s)}  {s['unit']}"
         for name, s in info["signals"].items()
     ]
-    lines += [
-        "",
-        f"  {'reference':12s}{'kind':24s}{'count':>9s}{'rate':>11s}{'gaps':>6s}{'longest':>10s}",
-    ]
-    lines += [
-        f"  {name:12s}{r['kind']:24s}{_rhythm(r)}{'  (default)' if not i else ''}"
-        for i, (name, r) in enumerate(info["references"].items())
-    ]
-    if not info["references"]:
-        lines.append("  none: the estimate can be made, but not scored")
+    lines += ["", *_references(info["references"])]
     return "\n".join([*lines, *text_of_notes(info)])
 
 
@@ -111,6 +102,21 @@ def _senders(details: Mapping[str, Any]) -> Iterator[str]:
     for sender in senders if len(senders) > 1 else []:
         what = str(sender["what"]).split(", system")[0]
         yield f"              {sender['id']:9s}{what}, {sender['messages']:,} messages"
+
+
+def _references(references: Mapping[str, Any]) -> list[str]:
+    """Return a table as wide as its longest name asks."""
+    left = max(12, *(len(name) + 2 for name in references), 0)
+    right = max(12, 36 - left)
+    head = f"{'count':>9s}{'rate':>11s}{'gaps':>6s}{'longest':>10s}"
+    lines = [f"  {'reference':{left}s}{'kind':{right}s}{head}"]
+    lines += [
+        f"  {name:{left}s}{r['kind']:{right}s}{_rhythm(r)}{'  (default)' if not i else ''}"
+        for i, (name, r) in enumerate(references.items())
+    ]
+    if not references:
+        lines.append("  none: the estimate can be made, but not scored")
+    return lines
 
 
 def shown(path: str) -> str:

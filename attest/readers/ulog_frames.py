@@ -1,0 +1,210 @@
+"""What of a ULog is sound: whole messages of known kinds, in the sizes that their formats say.
+
+The library that decodes them trusts its input, so it is given these alone. There are no checksums:
+a message is known by its kind and its size; behind damage the chain is taken up again where two
+messages follow each other.
+"""
+
+import struct
+from collections import Counter
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from attest.readers.ulog_format import Catalogue, define, inform, needed, subscribe
+
+MAGIC = b"\x55\x4c\x6f\x67\x01\x12\x35"
+HEADER = 16
+"""Bytes before the first message, each of which begins with its size and its kind."""
+SYNC = b"\x2f\x73\x13\x20\x25\x0c\xbb\x12"
+FORMAT, INFO, SUBSCRIPTION, DATA, DROPOUT, FLAGS, SYNCING = b"FIADOBS"
+LEAST = {
+    FORMAT: 3, INFO: 3, SUBSCRIPTION: 4, DATA: 2, DROPOUT: 2, FLAGS: 40, SYNCING: 8,
+    **dict(zip(b"MPQRLC", (4, 3, 4, 2, 9, 11), strict=True)),
+}  # fmt: skip
+"""Least size of each kind of message."""
+APPENDED = 1
+"""The one incompatible flag that is known."""
+
+_HEAD = struct.Struct("<HB")
+_KNOWN = np.zeros(256, np.bool_)
+_KNOWN[list(LEAST)] = True
+
+
+@dataclass(slots=True)
+class Damage:
+    """What is not sound, as far as the walk has come."""
+
+    gaps: int = 0
+    """Stretches in which no message can be told."""
+    bytes_skipped: int = 0
+    orphans: int = 0
+    """Data of which the log does not say what it is."""
+    cut: bool = False
+    """Whether the last message is not whole."""
+
+
+@dataclass(slots=True)
+class _Walk:
+    """One way through a log."""
+
+    data: bytes
+    wanted: Collection[str]
+    catalogue: Catalogue = field(default_factory=Catalogue)
+    damage: Damage = field(default_factory=Damage)
+    counts: Counter[int] = field(default_factory=Counter)
+    """Data messages by id."""
+    edges: list[int] = field(default_factory=list)
+    """Where data was appended: the message before may be cut."""
+    later: bool = False
+    """Whether the log is of a kind from after this was written."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sound:
+    """A log without what is not sound or not wanted."""
+
+    data: bytes
+    counts: dict[str, int]
+    """Data messages by topic, all of them."""
+    damage: Damage
+    refused: tuple[str, ...]
+    """Wanted topics that cannot be read as they are described."""
+    later: bool
+
+
+def sound(data: bytes, wanted: Collection[str]) -> Sound:
+    """Take the wanted topics of a log, and what the library needs to read them."""
+    walk = _Walk(data, wanted)
+    body, subscribed = bytearray(), walk.catalogue.subscribed
+    for at, end in _messages(walk):
+        body += data[at:end]
+    names = walk.catalogue.names
+    walk.damage.orphans = sum(count for number, count in walk.counts.items() if number not in names)
+    totals: Counter[str] = Counter()
+    for number, count in walk.counts.items():
+        totals[names.get(number, "unknown")] += count
+    # all is defined before any data: what the log subscribes to later is none the worse for it
+    told = [(FORMAT, needed(walk.catalogue)), (INFO, walk.catalogue.info.values()),
+            (SUBSCRIPTION, subscribed.values())]  # fmt: skip
+    start = [_HEAD.pack(len(message), kind) + message for kind, group in told for message in group]
+    refused = tuple(sorted(walk.catalogue.refused & set(wanted)))
+    whole = b"".join([data[:7], b"\1", data[8:HEADER], *start, bytes(body)])
+    return Sound(whole, dict(totals), walk.damage, refused, walk.later)
+
+
+def _messages(walk: _Walk) -> Iterator[tuple[int, int]]:
+    """Yield place and end of each sound message that is wanted, and learn what others define."""
+    data, sizes, head, at = walk.data, walk.catalogue.sizes, _HEAD.unpack_from, HEADER
+    counts, subscribed = walk.counts, walk.catalogue.subscribed
+    last, edge = len(data), HEADER
+    while at + 3 <= last:
+        size, kind = head(data, at)
+        end = at + 3 + size
+        if kind == DATA and size >= 2 and end <= edge:  # nearly all, and they pass here
+            number = data[at + 3] | data[at + 4] << 8
+            least, most = sizes.get(number, (0, -1))
+            if least <= size <= most:
+                counts[number] += 1
+                if number in subscribed:
+                    yield at, end
+                at = end
+                continue
+        edge = _edge(walk, at)
+        if not _is_sound(walk, at, edge):
+            at = _skip(walk, at, edge)
+            continue
+        _learn(walk, kind, data[at + 3 : end])
+        if kind == DROPOUT:
+            yield at, end
+        at = end
+    walk.damage.cut |= at < last
+
+
+def _edge(walk: _Walk, at: int) -> int:
+    """Tell where the part of the log ends that a place lies in."""
+    while walk.edges and walk.edges[0] <= at:
+        walk.edges.pop(0)
+    return walk.edges[0] if walk.edges else len(walk.data)
+
+
+def _is_sound(walk: _Walk, at: int, edge: int) -> bool:
+    """Whether a message of a known kind and a fitting size lies here as a whole."""
+    data = walk.data
+    if at + 3 > edge:
+        return False
+    size, kind = _HEAD.unpack_from(data, at)
+    end = at + 3 + size
+    if kind not in LEAST or size < LEAST[kind] or end > edge:
+        return False
+    if kind in (DROPOUT, SYNCING):
+        return bool(size == LEAST[kind])
+    if kind != DATA:
+        return True
+    number = data[at + 3] | data[at + 4] << 8
+    if number in walk.catalogue.sizes:
+        least, most = walk.catalogue.sizes[number]
+        return bool(least <= size <= most)
+    # data of an unknown topic is known by what follows
+    return end + 3 > edge or data[end + 2] in LEAST
+
+
+def _skip(walk: _Walk, at: int, edge: int) -> int:
+    """Return where the chain goes on behind something that is no message."""
+    size, kind = _HEAD.unpack_from(walk.data, at) if at + 3 <= edge else (0, 0)
+    found = _next(walk, at, edge)
+    if found is None and (at + 3 > edge or (kind in LEAST and at + 3 + size > edge)):
+        walk.damage.cut |= edge == len(walk.data)
+        return edge
+    found = edge if found is None else found
+    walk.damage.gaps += 1
+    walk.damage.bytes_skipped += found - at
+    return found
+
+
+def _next(walk: _Walk, at: int, edge: int) -> int | None:
+    """Find two sound messages in a row behind a place."""
+    start, width = at + 1, 512
+    while start + 3 <= edge:
+        stop = min(start + width, edge - 2)
+        kinds = np.frombuffer(walk.data, np.uint8, stop - start, start + 2)
+        for place in (np.flatnonzero(_KNOWN[kinds]) + start).tolist():
+            if _is_link(walk, place, edge):
+                return int(place)
+        start, width = stop, min(2 * width, 1 << 20)
+    return None
+
+
+def _is_link(walk: _Walk, at: int, edge: int) -> bool:
+    if not _is_sound(walk, at, edge):
+        return False
+    data = walk.data
+    size, kind = _HEAD.unpack_from(data, at)
+    if kind == SYNCING:
+        return data[at + 3 : at + 11] == SYNC
+    if kind == DATA and (data[at + 3] | data[at + 4] << 8) not in walk.catalogue.sizes:
+        return False
+    following = at + 3 + size
+    return following == edge or _is_sound(walk, following, edge)
+
+
+def _learn(walk: _Walk, kind: int, message: bytes) -> None:
+    if kind == FORMAT:
+        define(walk.catalogue, message)
+    elif kind == SUBSCRIPTION:
+        subscribe(walk.catalogue, message, walk.wanted)
+    elif kind == INFO:
+        inform(walk.catalogue, message)
+    elif kind == DATA:
+        walk.counts[int.from_bytes(message[:2], "little")] += 1
+    elif kind == FLAGS:
+        _flags(walk, message[8:16], message[16:40])
+
+
+def _flags(walk: _Walk, incompatible: bytes, offsets: bytes) -> None:
+    """Learn whether the log is of a later kind, and where data was appended."""
+    walk.later |= bool(incompatible[0] & ~APPENDED or any(incompatible[1:]))
+    if incompatible[0] & APPENDED:
+        edges = sorted(set(struct.unpack("<3Q", offsets)))
+        walk.edges = [edge for edge in edges if HEADER < edge < len(walk.data)]

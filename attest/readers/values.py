@@ -1,0 +1,42 @@
+"""Which values of a log without checksums can be used."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from attest.recording import Note
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+WILD = {"gyro": 200.0, "accel": 5000.0, "mag": 0.1, "velocity": 20_000.0}
+"""No sensor measures more, in SI units: what says so is damaged."""
+
+
+def usable(
+    label: str, times: tuple[Ints, Ints], y: Array, held: Mask, notes: list[Note]
+) -> tuple[Ints, Ints]:
+    """Find times and rows of the values that are held, finite and possible; note the others.
+
+    Parameters
+    ----------
+    label
+        Message or topic, and the signal as the last word.
+    times
+        Times and the rows they belong to.
+    """
+    finite = np.all(np.isfinite(y), axis=1)
+    with np.errstate(invalid="ignore"):
+        most = WILD.get(label.rpartition(" ")[2], np.inf)
+        wild = held & finite & np.any(np.abs(y) > most, axis=1)
+    for lost, what in (
+        (~held & finite, "without a value"),
+        (~finite, "not finite"),
+        (wild, "beyond what a sensor measures"),
+    ):
+        if count := int(lost.sum()):
+            doubt = what.startswith("beyond") and count > 0.01 * len(y)
+            notes.append(Note(f"{label} {what} dropped", count, doubt))
+    t, rows = times
+    good = (held & finite & ~wild)[rows]
+    return t[good], rows[good]
