@@ -118,7 +118,7 @@ def _messages(walk: _Walk) -> Iterator[tuple[int, int]]:
         _learn(walk, kind, data[at + 3 : end])
         if kind == DROPOUT:
             yield at, end
-        at = end
+        at, edge = end, _edge(walk, end)
     walk.damage.cut |= at < last
 
 

@@ -9,10 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from attest.errors import ConfigError
 from attest.geometry import quaternion
 from attest.recording import Signal
-from attest.simulation.flight import Array, Flight, Times
+from attest.simulation.flight import Array, Flight, Times, believed, following
 
 GPS_EPOCH = 315_964_800 - 18  # unix seconds, leap seconds undone
 _WEEK = 604_800_000  # ms
@@ -83,12 +82,8 @@ def encode(flight: Flight) -> bytes:
     ConfigError
         The flight lacks what the messages carry.
     """
-    missing = [name for name in _NEEDED if name not in flight.signals]
-    if missing or flight.autopilot is None:
-        lack = ", ".join(missing or ["autopilot"])
-        raise ConfigError(f"{flight.scenario} has no {lack} for a .BIN. Write a .csv instead.")
-    logged = [*_sensors(flight), *_attitudes(flight, flight.autopilot)]
-    logged += _navigation(flight, flight.autopilot)
+    autopilot = believed(flight, _NEEDED, "a .BIN")
+    logged = [*_sensors(flight), *_attitudes(flight, autopilot), *_navigation(flight, autopilot)]
     heard = flight.received(np.array([message.t for message in logged]))
     kept = [message for message, there in zip(logged, heard, strict=True) if there]
     kept.sort(key=lambda message: message[:2])
@@ -115,7 +110,7 @@ def _definitions(t: Times) -> Iterator[bytes]:
 def _sensors(flight: Flight) -> Iterator[_Logged]:
     """IMU with gyroscope and accelerometer, MAG in whole milligauss."""
     gyro, accel, mag = (flight.signals[name] for name in ("gyro", "accel", "mag"))
-    force = _next(accel, gyro.t)
+    force = following(accel, gyro.t)
     health = {"T": 31.5, "GH": 1, "AH": 1, "GHz": 1000, "AHz": 1000}
     yield from _messages("IMU", gyro.t, **_axes("Gyr", gyro.y), **_axes("Acc", force), **health)
     stamp = mag.t // 1000 % 2**32
@@ -133,12 +128,12 @@ def _navigation(flight: Flight, autopilot: Array) -> Iterator[_Logged]:
     """XKF1 and POS as often as the filter gives them, GPS at half that rate."""
     velocity, position = flight.signals["velocity"], flight.signals["position"]
     moving = dict(zip(("VN", "VE", "VD"), velocity.y.T, strict=True))
-    held = _next(Signal(flight.t, autopilot), velocity.t)
+    held = following(Signal(flight.t, autopilot), velocity.t)
     yield from _messages("XKF1", velocity.t, **_angles(held), **moving)
     place = dict(zip(("Lat", "Lng", "Alt"), position.y.T, strict=True))
     yield from _messages("POS", position.t, **place)
     t = position.t[::2]
-    north, east, down = _next(velocity, t).T
+    north, east, down = following(velocity, t).T
     course = np.degrees(np.arctan2(east, north)) % 360.0
     unix = (t + (flight.utc_offset or 0)) // 10**6 - GPS_EPOCH * 1000
     week = unix // _WEEK if flight.utc_offset is not None else np.zeros(len(t), np.int64)
@@ -177,11 +172,6 @@ def _cells(values: object, char: str) -> object:
         return numbers
     limits = np.iinfo(_TYPES[char])
     return np.clip(np.rint(numbers * _SCALES.get(char, 1.0)), limits.min, limits.max)
-
-
-def _next(signal: Signal, t: Times) -> Array:
-    """Values of the sample at or after each time; the last beyond it."""
-    return signal.y[np.minimum(np.searchsorted(signal.t, t), len(signal.t) - 1)]
 
 
 def _axes(stem: str, y: Array) -> dict[str, object]:

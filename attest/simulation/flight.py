@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from attest.errors import ConfigError
 from attest.recording import Signal, World
 
 Array = NDArray[np.float64]
@@ -51,3 +52,23 @@ class Flight:
         """Tell which of these times lie outside the outages."""
         inside = [(start <= t) & (t < end) for start, end in self.outages]
         return ~np.any(inside, axis=0) if inside else np.ones(len(t), np.bool_)
+
+
+def believed(flight: Flight, signals: tuple[str, ...], what: str) -> Array:
+    """Return the autopilot's attitude of a flight that has all that a vehicle's log carries.
+
+    Raises
+    ------
+    ConfigError
+        It lacks some of the signals, or the attitude.
+    """
+    missing = [name for name in signals if name not in flight.signals]
+    if missing or flight.autopilot is None:
+        lack = ", ".join(missing or ["autopilot"])
+        raise ConfigError(f"{flight.scenario} has no {lack} for {what}. Write a .csv instead.")
+    return flight.autopilot
+
+
+def following(signal: Signal, t: Times) -> Array:
+    """Return the values of the sample at or after each time; of the last beyond it."""
+    return signal.y[np.minimum(np.searchsorted(signal.t, t), len(signal.t) - 1)]

@@ -13,9 +13,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from attest.errors import ConfigError
 from attest.geometry import quaternion
-from attest.recording import Signal
 from attest.simulation import sensors
-from attest.simulation.flight import Array, Flight, Times
+from attest.simulation.flight import Array, Flight, Times, believed, following
 
 G = 9.80665  # RAW_IMU counts in mG of standard gravity
 _SECOND = 10**9
@@ -43,7 +42,9 @@ def encode(flight: Flight) -> bytes:
     ConfigError
         The flight lacks what the messages carry.
     """
-    vehicle = sorted([*_vehicle(flight, _believed(flight))], key=lambda sent: sent[:2])
+    autopilot = believed(flight, tuple(name for names in _TOGETHER for name in names), "a tlog")
+    _share_clocks(flight)
+    vehicle = sorted([*_vehicle(flight, autopilot)], key=lambda sent: sent[:2])
     arrivals = _arrivals(flight, np.array([sent.t for sent in vehicle]))
     frames = [*zip(arrivals.tolist(), _pack(vehicle, 1, 1), vehicle, strict=True)]
     lost = ~flight.received(np.array([sent.t for sent in vehicle]))
@@ -55,12 +56,8 @@ def encode(flight: Flight) -> bytes:
     return b"".join(struct.pack(">Q", (t + offset) // 1000) + frame for t, frame in rows)
 
 
-def _believed(flight: Flight) -> Array:
-    """Return the autopilot's attitude of a flight that has all else too."""
-    missing = [name for names in _TOGETHER for name in names if name not in flight.signals]
-    if missing or flight.autopilot is None:
-        lack = ", ".join(missing or ["autopilot"])
-        raise ConfigError(f"{flight.scenario} has no {lack} for a tlog. Write a .csv instead.")
+def _share_clocks(flight: Flight) -> None:
+    """Refuse a flight whose signals of one message have not the same times."""
     for first, *others in _TOGETHER:
         for name in others:
             if not np.array_equal(flight.signals[name].t, flight.signals[first].t):
@@ -68,7 +65,6 @@ def _believed(flight: Flight) -> Array:
                     f"{first} and {name} have not the same times, as one message of a tlog has. "
                     "Change the rate of both, or write a .csv instead."
                 )
-    return flight.autopilot
 
 
 def _pack(sent: Iterable[_Sent], system: int, component: int) -> Iterator[bytes]:
@@ -100,10 +96,10 @@ def _vehicle(flight: Flight, autopilot: Array) -> Iterator[_Sent]:
 
 def _attitude(flight: Flight, autopilot: Array) -> Iterator[_Sent]:
     """ATTITUDE, a little wrong, and SIMSTATE, true, at each time of the truth."""
-    believed, true = _rows(quaternion.to_euler(autopilot)), _rows(quaternion.to_euler(flight.q))
+    wrong, true = _rows(quaternion.to_euler(autopilot)), _rows(quaternion.to_euler(flight.q))
     places = _degrees_e7(sensors.geodetic(flight.position)[:, :2])
-    force, rates = _rows(_next(flight.signals["accel"], flight.t)), _rows(flight.omega)
-    rows = zip(flight.t.tolist(), believed, true, force, rates, places, strict=True)
+    force, rates = _rows(following(flight.signals["accel"], flight.t)), _rows(flight.omega)
+    rows = zip(flight.t.tolist(), wrong, true, force, rates, places, strict=True)
     for t, euler, truth, f, omega, place in rows:
         yield _Sent(t, 0, mavlink.MAVLink_attitude_message(t // 10**6, *euler, *omega))
         yield _Sent(t, 1, mavlink.MAVLink_simstate_message(*truth, *f, *omega, *place))
@@ -159,11 +155,6 @@ def _station(flight: Flight) -> Iterator[_Sent]:
             mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3
         )
         yield _Sent(t, 0, heartbeat)
-
-
-def _next(signal: Signal, t: Times) -> Array:
-    """Values of the sample at or after each time; the last beyond it."""
-    return signal.y[np.minimum(np.searchsorted(signal.t, t), len(signal.t) - 1)]
 
 
 def _heading(q: Array) -> list[int]:
