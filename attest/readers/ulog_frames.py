@@ -116,10 +116,15 @@ def _messages(walk: _Walk) -> Iterator[tuple[int, int]]:
             at = _skip(walk, at, edge)
             continue
         _learn(walk, kind, data[at + 3 : end])
-        if kind == DROPOUT:
+        if kind == DROPOUT or (kind == DATA and _number(data, at) in subscribed):
             yield at, end
         at, edge = end, _edge(walk, end)
     walk.damage.cut |= at < last
+
+
+def _number(data: bytes, at: int) -> int:
+    """Tell the message id of data."""
+    return data[at + 3] | data[at + 4] << 8
 
 
 def _edge(walk: _Walk, at: int) -> int:
@@ -142,7 +147,7 @@ def _is_sound(walk: _Walk, at: int, edge: int) -> bool:
         return bool(size == LEAST[kind])
     if kind != DATA:
         return True
-    number = data[at + 3] | data[at + 4] << 8
+    number = _number(data, at)
     if number in walk.catalogue.sizes:
         least, most = walk.catalogue.sizes[number]
         return bool(least <= size <= most)
@@ -183,7 +188,7 @@ def _is_link(walk: _Walk, at: int, edge: int) -> bool:
     size, kind = _HEAD.unpack_from(data, at)
     if kind == SYNCING:
         return data[at + 3 : at + 11] == SYNC
-    if kind == DATA and (data[at + 3] | data[at + 4] << 8) not in walk.catalogue.sizes:
+    if kind == DATA and _number(data, at) not in walk.catalogue.sizes:
         return False
     following = at + 3 + size
     return following == edge or _is_sound(walk, following, edge)
