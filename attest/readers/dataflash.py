@@ -46,11 +46,11 @@ def read(path: Path, options: ReadOptions) -> Recording:
     """
     scan = _scan(path)
     notes = _damage(scan, path)
-    gyros = [s for family in ("IMU", "GYR") for s in messages.streams(scan.tables, family)
+    gyros = [s for family in ("IMU", "GYR") for s in messages.streams(scan.tables, family, notes)
              if messages.measured("gyro", s.table) is not None]  # fmt: skip
     imu = _inertial_stream(path, gyros, options.imu)
     families = ("IMU", "GYR", "ACC", "MAG", "GPS", "POS", *ATTITUDES)
-    found = {family: messages.streams(scan.tables, family) for family in families}
+    found = {family: messages.streams(scan.tables, family, notes) for family in families}
     line = timeline([s for group in found.values() for s in group], imu.label, notes)
     if line is None:
         raise ReadError(f"{path}: {imu.label} carries no TimeUS. attest cannot use such a log.")

@@ -166,7 +166,7 @@ def _units(
     return units
 
 
-def number(text: str) -> float:
+def number(text: str | bytes) -> float:
     """Return a cell of text as a number, NaN where it is none."""
     try:
         return float(text)

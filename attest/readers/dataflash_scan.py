@@ -39,6 +39,13 @@ REDEFINED = 100
 NEAR = 5_000_000
 """A message between two others is at most this far from one of them, microseconds."""
 SHORTEST = HEADER + 8
+"""Bytes of a message that has a time."""
+NAME = HEADER + 2
+"""Where the name begins in an FMT."""
+TOGETHER = 100_000
+"""Descriptions that are looked at together: bounds the memory."""
+
+_NAMED = np.array([chr(code).isalnum() and code < 128 for code in range(256)])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,18 +98,24 @@ def definitions(data: Bytes, places: Ints) -> Definitions:
     """Read every FMT that can be one."""
     at = places[data[places + 2] == FMT]
     at = at[at + FMT_FORMAT.length <= len(data)]
+    at = at[_NAMED[data[at + NAME]]]
     known: dict[bytes, Format | None] = {}
     found: Definitions = {FMT: [(0, FMT_FORMAT)]}
-    for place, row in zip(at.tolist(), rows(data, at, FMT_FORMAT.length).tolist(), strict=True):
-        if row not in known:
-            known[row] = parse(row[3], row[4], row[5:9], row[9:25], row[25:89])
-        form = known[row]
-        if form is None or form.kind == FMT:
-            continue
-        given = found.setdefault(form.kind, [])
-        if len(given) < REDEFINED and (not given or given[-1][1] != form):
-            given.append((place if given else 0, form))
+    for some in np.split(at, range(TOGETHER, len(at), TOGETHER)):
+        cells = rows(data, some, FMT_FORMAT.length).tolist()
+        for place, row in zip(some.tolist(), cells, strict=True):
+            if row not in known:
+                known[row] = parse(row[3], row[4], row[5:9], row[9:25], row[25:89])
+            _define(found, known[row], place)
     return found
+
+
+def _define(found: Definitions, form: Format | None, place: int) -> None:
+    if form is None or form.kind == FMT:
+        return
+    given = found.setdefault(form.kind, [])
+    if len(given) < REDEFINED and (not given or given[-1][1] != form):
+        given.append((place if given else 0, form))
 
 
 def rows(data: Bytes, at: Ints, length: int) -> NDArray[np.void]:
@@ -168,14 +181,20 @@ def _disjoint(frames: _Frames) -> _Frames:
         return frames
     furthest = np.maximum.accumulate(frames.end)
     doubtful = np.flatnonzero(frames.at[1:] < furthest[:-1]) + 1
-    behind = np.isin(frames.at, frames.end)
+    at, end, behind = frames.at, frames.end, np.zeros(len(frames), np.bool_)
+    following = np.minimum(np.searchsorted(at, end), len(at) - 1)
+    behind[following[at[following] == end]] = True
     kept = np.ones(len(frames), np.bool_)
-    for i in doubtful.tolist():
-        j = i - 1
-        while j >= 0 and not kept[j]:
-            j -= 1
-        if j >= 0 and frames.at[i] < frames.end[j]:
-            kept[j if behind[i] and not behind[j] else i] = False
+    last = before = -2
+    for i in (int(i) for i in doubtful):  # a list of all could be large
+        last = last if before == i - 1 else i - 1
+        before = i
+        if at[i] >= end[last]:
+            last = i
+        elif behind[i] and not behind[last]:
+            kept[last], last = False, i
+        else:
+            kept[i] = False
     return frames[kept]
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from attest.geometry import quaternion
 from attest.readers.dataflash_format import Mask, Table
-from attest.recording import Kind
+from attest.recording import Kind, Note
 
 Array = NDArray[np.float64]
 
@@ -35,6 +35,8 @@ FAMILIES = {
 """Messages that are several instances of one thing."""
 INSTANCES = ("I", "C")
 """Fields that number sensors and filters."""
+RARE = 100
+"""An instance with so many times fewer messages than another one is none."""
 
 GYRO, ACCEL, MAG = (tuple(f"{stem}{axis}" for axis in "XYZ") for stem in ("Gyr", "Acc", "Mag"))
 VELOCITY = ("VN", "VE", "VD")
@@ -78,8 +80,8 @@ WANTED = {
 }  # fmt: skip
 
 
-def streams(tables: Mapping[str, Table], family: str) -> list[Stream]:
-    """Return the instances of one thing, in order."""
+def streams(tables: Mapping[str, Table], family: str, notes: list[Note]) -> list[Stream]:
+    """Return the instances of one thing, in order; a number met once in a hundred is damage."""
     found = []
     for name in FAMILIES.get(family, (family,)):
         if name not in tables:
@@ -90,9 +92,12 @@ def streams(tables: Mapping[str, Table], family: str) -> list[Stream]:
             number = int(name[-1]) - 1 if name != family else 0
             found.append(Stream(name, name, number, table))
             continue
-        numbers = table.columns[field]
-        for number in np.unique(numbers).tolist():
-            mine = table[numbers == number]
+        numbers, counts = np.unique(table.columns[field], return_counts=True)
+        often = counts * RARE >= counts.max()
+        if lost := int(counts[~often].sum()):
+            notes.append(Note(f"{name} of instances that hardly occur dropped", lost))
+        for number in numbers[often].tolist():
+            mine = table[table.columns[field] == number]
             found.append(Stream(f"{name}[{number}]", name, number, mine))
     return found
 

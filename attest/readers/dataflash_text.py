@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Collection
 from io import BytesIO
+from math import isnan
 from pathlib import Path
 from typing import Any
 
@@ -137,18 +138,17 @@ def _slowly(
         if kind is None:
             columns[name] = np.array(texts, np.bytes_)
             continue
-        read = _real if kind is np.float64 else _whole
-        values = [read(text, kind) for text in texts]
-        good &= [value is not None for value in values]
+        values = [_real(text) if kind is np.float64 else _whole(text, kind) for text in texts]
+        good &= np.array([value is not None for value in values], np.bool_)
         columns[name] = np.array([value or 0 for value in values], kind)
     return columns, good
 
 
-def _real(text: bytes, kind: Any) -> float | None:  # noqa: ARG001 (as the whole numbers have it)
-    value = number(text.decode("latin-1"))
+def _real(text: bytes) -> float | None:
+    value = number(text)
     # what is written as no number is one that the sensor gave
-    meant = text.lower().strip(b"+-") in (b"nan", b"qnan")
-    return value if meant or not np.isnan(value) else None
+    meant = not isnan(value) or text.lower().strip(b"+-") in (b"nan", b"qnan")
+    return value if meant else None
 
 
 def _whole(text: bytes, kind: Any) -> int | None:

@@ -5,6 +5,7 @@ a message is known by its kind and its size; behind damage the chain is taken up
 messages follow each other.
 """
 
+import re
 import struct
 from collections import Counter
 from collections.abc import Collection, Iterator
@@ -24,6 +25,14 @@ LEAST = {
     **dict(zip(b"MPQRLC", (4, 3, 4, 2, 9, 11), strict=True)),
 }  # fmt: skip
 """Least size of each kind of message."""
+LOOKS = {
+    FORMAT: re.compile(rb"[A-Za-z0-9_]+:[^\0-\x1f]*\0*\Z"),
+    SUBSCRIPTION: re.compile(rb"(?s:...)[A-Za-z0-9_]+\0*\Z"),
+    **dict.fromkeys(b"IP", re.compile(rb"(?s:.)[a-z0-9_]+(\[\d+\])? [!-~]")),
+    **dict.fromkeys(b"MQ", re.compile(rb"(?s:..)[a-z0-9_]+(\[\d+\])? [!-~]")),
+    **dict.fromkeys(b"LC", re.compile(rb"[\0-\x07]|[0-7]")),
+}
+"""How the messages begin that have any size."""
 APPENDED = 1
 """The one incompatible flag that is known."""
 
@@ -143,10 +152,11 @@ def _is_sound(walk: _Walk, at: int, edge: int) -> bool:
     end = at + 3 + size
     if kind not in LEAST or size < LEAST[kind] or end > edge:
         return False
-    if kind in (DROPOUT, SYNCING):
-        return bool(size == LEAST[kind])
+    if kind in LOOKS:
+        return LOOKS[kind].match(data, at + 3, end) is not None
     if kind != DATA:
-        return True
+        # the flags come first; elsewhere they are something else by chance
+        return at == HEADER if kind == FLAGS else bool(size == LEAST[kind])
     number = _number(data, at)
     if number in walk.catalogue.sizes:
         least, most = walk.catalogue.sizes[number]
