@@ -32,8 +32,9 @@ def _binary(head: bytes) -> bool:
     at = places[data[places + 2] == FMT]
     if len(at) and at[0] == 0:
         return True
-    pairs = at[np.isin(at + FMT_FORMAT.length, at)]
-    return len(pairs) > 0 and len(dataflash_scan.definitions(data, pairs)) > 1
+    first = at[np.isin(at + FMT_FORMAT.length, at)]
+    pairs = np.union1d(first, first + FMT_FORMAT.length)
+    return len(dataflash_scan.definitions(data, pairs)) > 1
 
 
 def read(path: Path, options: ReadOptions) -> Recording:

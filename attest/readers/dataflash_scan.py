@@ -2,7 +2,7 @@
 
 There are no checksums. A sound log is a chain: each message ends where the next one's header
 begins. A message is taken if a header follows it, or else, in what the chain leaves uncovered, if
-its time lies between those of its neighbours.
+its time fits those of its neighbours and what lies behind it is as long as a message.
 """
 
 from collections import Counter
@@ -150,8 +150,7 @@ def _sound(data: Bytes, maybe: _Frames, defined: Definitions) -> _Frames:
     start = np.concatenate([[0], chain.end])[after]
     stop = np.concatenate([chain.at, [len(data)]])[after]
     inside = (rest.at >= start) & (rest.end <= stop)
-    # bytes too few for a message behind it: it lost some, or others were put into it
-    inside &= (stop - rest.end >= SHORTEST) | (stop == len(data))
+    inside &= _before_one(chain)[rest.kind, np.clip(stop - rest.end, 0, 255)] | (stop == len(data))
     if not inside.any():
         return chain
     rest, after = rest[inside], after[inside]
@@ -164,6 +163,16 @@ def _sound(data: Bytes, maybe: _Frames, defined: Definitions) -> _Frames:
         np.concatenate([chain.end, more.end]),
     )
     return together[np.argsort(together.at, kind="stable")]
+
+
+def _before_one(chain: _Frames) -> Mask:
+    """Tell for each kind how long the messages are that follow it elsewhere.
+
+    Bytes of another length behind a message mean that it lost some, or that some were put in.
+    """
+    lengths = np.zeros((256, 256), np.bool_)
+    lengths[chain.kind[:-1], (chain.end - chain.at)[1:]] = True
+    return lengths
 
 
 def _linked(data: Bytes, end: Ints) -> Mask:
