@@ -1,9 +1,7 @@
-"""PX4's on-board logs, ``.ulg``, decoded by pyulog."""
+"""PX4's on-board logs, ``.ulg``, as pyulog understands them."""
 
 from collections.abc import Callable, Mapping
-from contextlib import redirect_stdout
 from dataclasses import dataclass
-from io import BytesIO, StringIO
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +10,7 @@ import numpy as np
 from attest.errors import ReadError
 from attest.geometry import quaternion
 from attest.readers import mavlink_clock as clock
-from attest.readers import ulog_frames
+from attest.readers import ulog_frames, ulog_tables
 from attest.readers import ulog_topics as topics
 from attest.readers.mavlink_clock import SECOND, Times
 from attest.readers.mavlink_timeline import sound_rows
@@ -41,14 +39,15 @@ def read(path: Path, options: ReadOptions) -> Recording:
     ReadError
         There is no inertial data, or not what the options ask for.
     """
-    sound = ulog_frames.sound(path.read_bytes(), topics.WANTED)
+    data = path.read_bytes()
+    sound = ulog_frames.sound(data, topics.WANTED)
     if sound.later:
         raise ReadError(
             f"{path}: a ULog of a later kind than attest knows. Convert it with pyulog."
         )
-    library = _decoded(path, sound)
-    streams = _streams(library)
-    notes = _damage(sound, library, path)
+    library = ulog_tables.definitions(path, sound)
+    streams = ulog_tables.streams(data, sound, library)
+    notes = _damage(sound, path)
     imu = _inertial_stream(path, streams, options.imu)
     log = _Log(streams, int(library.start_timestamp), notes)
     gyro = _signal(log, imu, GYRO[imu.topic](imu), "gyro")
@@ -63,7 +62,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
         clock=_clock(log),
         vehicle=_vehicle(library),
         notes=tuple(dict.fromkeys(notes)),
-        details=_details(sound, library),
+        details=_details(sound),
     )
 
 
@@ -80,34 +79,7 @@ class _Log:
     """First and last time of the gyroscope, nanoseconds."""
 
 
-def _decoded(path: Path, sound: Sound) -> Any:
-    from pyulog import ULog
-    from pyulog.exceptions import ULogException
-
-    try:
-        with redirect_stdout(StringIO()):  # where the library warns, and data is to go
-            return ULog(BytesIO(sound.data))
-    except (ULogException, ValueError, TypeError, LookupError) as error:
-        raise ReadError(f"{path}: not a readable ULog: {error}. Record the log again.") from error
-
-
-def _streams(library: Any) -> dict[str, list[Stream]]:
-    """Return the instances of each topic, in order."""
-    found: dict[str, dict[int, dict[str, Any]]] = {}
-    for dataset in library.data_list:
-        instances = found.setdefault(dataset.name, {})
-        # a second subscription of the same instance is not the library's to join
-        before = instances.setdefault(dataset.multi_id, dataset.data)
-        if len(dataset.data["timestamp"]) > len(before["timestamp"]):
-            instances[dataset.multi_id] = dataset.data
-    return {
-        name: [Stream(f"{name}[{i}]" if len(instances) > 1 or i else name, name, i, data)
-               for i, data in sorted(instances.items())]
-        for name, instances in found.items()
-    }  # fmt: skip
-
-
-def _damage(sound: Sound, library: Any, path: Path) -> list[Note]:
+def _damage(sound: Sound, path: Path) -> list[Note]:
     damage, notes = sound.damage, []
     if damage.gaps:
         heavy = damage.bytes_skipped > 0.05 * path.stat().st_size
@@ -119,9 +91,9 @@ def _damage(sound: Sound, library: Any, path: Path) -> list[Note]:
         notes.append(Note("the log ends within a message: left out"))
     notes += [Note(f"{name} described so that it cannot be read: not used", doubt=True)
               for name in sound.refused]  # fmt: skip
-    if library.dropouts:
-        lost = sum(dropout.duration for dropout in library.dropouts)
-        notes.append(Note(f"dropouts of the logger, {lost} ms", len(library.dropouts)))
+    if sound.dropouts:
+        text = f"dropouts of the logger, {sum(sound.dropouts)} ms"
+        notes.append(Note(text, len(sound.dropouts)))
     return notes
 
 
@@ -262,10 +234,10 @@ def _vehicle(library: Any) -> str:
     return "".join(char for char in text if char.isprintable())[:200]
 
 
-def _details(sound: Sound, library: Any) -> dict[str, object]:
+def _details(sound: Sound) -> dict[str, object]:
     return {
         "messages": dict(sorted(sound.counts.items())),
-        "dropouts": len(library.dropouts),
+        "dropouts": len(sound.dropouts),
         "gaps": sound.damage.gaps,
         "bytes_skipped": sound.damage.bytes_skipped,
     }

@@ -4,15 +4,18 @@ import re
 from collections.abc import Collection
 from dataclasses import dataclass, field
 
-SIZES = {"int8_t": 1, "uint8_t": 1, "bool": 1, "char": 1, "int16_t": 2, "uint16_t": 2, "int32_t": 4,
-         "uint32_t": 4, "float": 4, "int64_t": 8, "uint64_t": 8, "double": 8}  # fmt: skip
-"""Bytes of the plain types."""
+TYPES = {"int8_t": "i1", "uint8_t": "u1", "bool": "i1", "char": "i1", "int16_t": "<i2",
+         "uint16_t": "<u2", "int32_t": "<i4", "uint32_t": "<u4", "float": "<f4", "int64_t": "<i8",
+         "uint64_t": "<u8", "double": "<f8"}  # fmt: skip
+"""The plain types in memory, whose last digit is their size."""
 MOST_FIELDS = 2_000
 """Of one topic; the largest of PX4 has some hundred."""
 BUDGET = 200_000
 """Fields of all subscriptions together: what the library keeps for each is not small."""
 DEEPEST = 8
 """Formats within formats."""
+MOST_PADDING = 64
+"""Bytes at the end that need not be logged; PX4 has up to seven."""
 LONGEST = (1 << 16) - 1 - 2
 """Bytes of data in one message."""
 INFO = {"sys_name": "char", "ver_hw": "char", "ver_sw_release": "uint32_t"}
@@ -47,8 +50,10 @@ class Catalogue:
     topics: dict[str, Topic | None] = field(default_factory=dict)
     names: dict[int, str] = field(default_factory=dict)
     """Topics by message id."""
-    sizes: dict[int, tuple[int, int]] = field(default_factory=dict)
-    """Least and greatest size of the data by message id, the id's two bytes included."""
+    sized: set[int] = field(default_factory=set)
+    """Message ids whose size is known."""
+    fits: dict[int, bool] = field(default_factory=dict)
+    """Sizes that data may have, with the id's two bytes, above the message id's 16 bits."""
     subscribed: dict[int, bytes] = field(default_factory=dict)
     """Messages that subscribe, of what can be read."""
     info: dict[str, bytes] = field(default_factory=dict)
@@ -72,7 +77,7 @@ def inform(catalogue: Catalogue, message: bytes) -> None:
     if key is None:
         return
     kind, name = (key[1] or key[3]).decode(), (key[2] or key[4]).decode()
-    fits = kind == "char" or len(message) == end + SIZES[kind]
+    fits = kind == "char" or len(message) == end + int(TYPES[kind][-1])
     if INFO.get(name) == kind and fits:
         catalogue.info.setdefault(name, message)
 
@@ -85,10 +90,12 @@ def subscribe(catalogue: Catalogue, message: bytes, wanted: Collection[str]) -> 
         return
     catalogue.names[number] = name
     topic = topic_of(catalogue, name)
-    if topic is None:
+    if topic is None or topic.padding > MOST_PADDING:
         catalogue.refused.add(name)
         return
-    catalogue.sizes[number] = (2 + topic.size - topic.padding, 2 + topic.size)
+    catalogue.sized.add(number)
+    for size in range(2 + topic.size - topic.padding, 3 + topic.size):
+        catalogue.fits[size << 16 | number] = True
     if name not in wanted:
         return
     spent = sum(_fields(catalogue, catalogue.names[other]) for other in catalogue.subscribed)
@@ -110,13 +117,13 @@ def needed(catalogue: Catalogue) -> list[bytes]:
     while todo:
         found |= todo
         within = {kind for name in todo for kind, *_ in catalogue.formats[name][1]}
-        todo = within - SIZES.keys() - found
+        todo = within - TYPES.keys() - found
     return [message for name, (message, _) in catalogue.formats.items() if name in found]
 
 
 def _topic(catalogue: Catalogue, name: str, deeper: int) -> Topic | None:
-    if name in SIZES:
-        return Topic(SIZES[name])
+    if name in TYPES:
+        return Topic(int(TYPES[name][-1]))
     if name in catalogue.topics:
         return catalogue.topics[name]
     if not deeper or name not in catalogue.formats:

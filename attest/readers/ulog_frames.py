@@ -7,19 +7,25 @@ messages follow each other.
 
 import re
 import struct
+from array import array
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from attest.readers.ulog_format import Catalogue, define, inform, needed, subscribe
+
+Ints = NDArray[np.int64]
 
 MAGIC = b"\x55\x4c\x6f\x67\x01\x12\x35"
 HEADER = 16
 """Bytes before the first message, each of which begins with its size and its kind."""
 SYNC = b"\x2f\x73\x13\x20\x25\x0c\xbb\x12"
 FORMAT, INFO, SUBSCRIPTION, DATA, DROPOUT, FLAGS, SYNCING = b"FIADOBS"
+BEHIND = 5
+"""Bytes of a data message before its row: size, kind, message id."""
 LEAST = {
     FORMAT: 3, INFO: 3, SUBSCRIPTION: 4, DATA: 2, DROPOUT: 2, FLAGS: 40, SYNCING: 8,
     **dict(zip(b"MPQRLC", (4, 3, 4, 2, 9, 11), strict=True)),
@@ -37,6 +43,7 @@ APPENDED = 1
 """The one incompatible flag that is known."""
 
 _HEAD = struct.Struct("<HB")
+_START = struct.Struct("<HBH")
 _KNOWN = np.zeros(256, np.bool_)
 _KNOWN[list(LEAST)] = True
 
@@ -62,21 +69,28 @@ class _Walk:
     wanted: Collection[str]
     catalogue: Catalogue = field(default_factory=Catalogue)
     damage: Damage = field(default_factory=Damage)
-    counts: Counter[int] = field(default_factory=Counter)
-    """Data messages by id."""
+    places: dict[int, "array[int]"] = field(default_factory=dict)
+    """Where the data messages of each id begin."""
+    dropouts: list[int] = field(default_factory=list)
+    """Milliseconds that the logger missed."""
     edges: list[int] = field(default_factory=list)
     """Where data was appended: the message before may be cut."""
     later: bool = False
     """Whether the log is of a kind from after this was written."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Sound:
-    """A log without what is not sound or not wanted."""
+    """What of a log is sound and wanted."""
 
-    data: bytes
+    definitions: bytes
+    """A log of its own: formats, subscriptions, what tells the vehicle, and one row of each."""
+    at: dict[int, Ints]
+    """Where the rows of each message id begin, behind the id."""
     counts: dict[str, int]
     """Data messages by topic, all of them."""
+    dropouts: tuple[int, ...]
+    """Milliseconds that the logger missed."""
     damage: Damage
     refused: tuple[str, ...]
     """Wanted topics that cannot be read as they are described."""
@@ -84,50 +98,59 @@ class Sound:
 
 
 def sound(data: bytes, wanted: Collection[str]) -> Sound:
-    """Take the wanted topics of a log, and what the library needs to read them."""
+    """Find the rows of the wanted topics of a log, and what a library needs to read them."""
     walk = _Walk(data, wanted)
-    body, subscribed = bytearray(), walk.catalogue.subscribed
-    for at, end in _messages(walk):
-        body += data[at:end]
+    _go(walk)
     names = walk.catalogue.names
-    walk.damage.orphans = sum(count for number, count in walk.counts.items() if number not in names)
-    totals: Counter[str] = Counter()
-    for number, count in walk.counts.items():
-        totals[names.get(number, "unknown")] += count
-    # all is defined before any data: what the log subscribes to later is none the worse for it
-    told = [(FORMAT, needed(walk.catalogue)), (INFO, walk.catalogue.info.values()),
-            (SUBSCRIPTION, subscribed.values())]  # fmt: skip
-    start = [_HEAD.pack(len(message), kind) + message for kind, group in told for message in group]
+    counts: Counter[str] = Counter()
+    for number, places in walk.places.items():
+        counts[names.get(number, "unknown")] += len(places)
+        walk.damage.orphans += len(places) * (number not in names)
+    subscribed = walk.catalogue.subscribed.keys() & walk.places.keys()
+    at = {number: np.array(walk.places[number], np.int64) + BEHIND for number in sorted(subscribed)}
     refused = tuple(sorted(walk.catalogue.refused & set(wanted)))
-    whole = b"".join([data[:7], b"\1", data[8:HEADER], *start, bytes(body)])
-    return Sound(whole, dict(totals), walk.damage, refused, walk.later)
+    dropouts = tuple(walk.dropouts)
+    return Sound(
+        _definitions(walk, at), at, dict(counts), dropouts, walk.damage, refused, walk.later
+    )
 
 
-def _messages(walk: _Walk) -> Iterator[tuple[int, int]]:
-    """Yield place and end of each sound message that is wanted, and learn what others define."""
-    data, sizes, head, at = walk.data, walk.catalogue.sizes, _HEAD.unpack_from, HEADER
-    counts, subscribed = walk.counts, walk.catalogue.subscribed
+def _definitions(walk: _Walk, at: dict[int, Ints]) -> bytes:
+    """Return all that the log says about what is wanted, and the first row of each."""
+    catalogue, data = walk.catalogue, walk.data
+    told = [(FORMAT, needed(catalogue)), (INFO, catalogue.info.values()),
+            (SUBSCRIPTION, [catalogue.subscribed[number] for number in at])]  # fmt: skip
+    parts = [_HEAD.pack(len(message), kind) + message for kind, group in told for message in group]
+    for places in at.values():
+        start = int(places[0]) - BEHIND
+        parts.append(data[start : start + 3 + _HEAD.unpack_from(data, start)[0]])
+    return b"".join([data[:7], b"\1", data[8:HEADER], *parts])
+
+
+def _go(walk: _Walk) -> None:
+    """Walk from message to message; learn what they define and where the data is."""
+    data, start, at = walk.data, _START.unpack_from, HEADER
     last, edge = len(data), HEADER
+    found = walk.catalogue.fits.get
+    places: dict[int, Callable[[int], None]] = {}
     while at + 3 <= last:
-        size, kind = head(data, at)
-        end = at + 3 + size
-        if kind == DATA and size >= 2 and end <= edge:  # nearly all, and they pass here
-            number = data[at + 3] | data[at + 4] << 8
-            least, most = sizes.get(number, (0, -1))
-            if least <= size <= most:
-                counts[number] += 1
-                if number in subscribed:
-                    yield at, end
+        if at + 5 <= edge:  # nearly all are data of a known size, and pass here
+            size, kind, number = start(data, at)
+            end = at + 3 + size
+            if kind == DATA and end <= edge and found(size << 16 | number):
+                if number not in places:
+                    places[number] = walk.places.setdefault(number, array("q")).append
+                places[number](at)
                 at = end
                 continue
         edge = _edge(walk, at)
         if not _is_sound(walk, at, edge):
             at = _skip(walk, at, edge)
             continue
-        _learn(walk, kind, data[at + 3 : end])
-        if kind == DROPOUT or (kind == DATA and _number(data, at) in subscribed):
-            yield at, end
-        at, edge = end, _edge(walk, end)
+        size, kind = _HEAD.unpack_from(data, at)
+        _learn(walk, at, kind, data[at + 3 : at + 3 + size])
+        at += 3 + size
+        edge = _edge(walk, at)
     walk.damage.cut |= at < last
 
 
@@ -158,9 +181,8 @@ def _is_sound(walk: _Walk, at: int, edge: int) -> bool:
         # the flags come first; elsewhere they are something else by chance
         return at == HEADER if kind == FLAGS else bool(size == LEAST[kind])
     number = _number(data, at)
-    if number in walk.catalogue.sizes:
-        least, most = walk.catalogue.sizes[number]
-        return bool(least <= size <= most)
+    if number in walk.catalogue.sized:
+        return size << 16 | number in walk.catalogue.fits
     # data of an unknown topic is known by what follows
     return end + 3 > edge or data[end + 2] in LEAST
 
@@ -198,13 +220,13 @@ def _is_link(walk: _Walk, at: int, edge: int) -> bool:
     size, kind = _HEAD.unpack_from(data, at)
     if kind == SYNCING:
         return data[at + 3 : at + 11] == SYNC
-    if kind == DATA and _number(data, at) not in walk.catalogue.sizes:
+    if kind == DATA and _number(data, at) not in walk.catalogue.sized:
         return False
     following = at + 3 + size
     return following == edge or _is_sound(walk, following, edge)
 
 
-def _learn(walk: _Walk, kind: int, message: bytes) -> None:
+def _learn(walk: _Walk, at: int, kind: int, message: bytes) -> None:
     if kind == FORMAT:
         define(walk.catalogue, message)
     elif kind == SUBSCRIPTION:
@@ -212,7 +234,10 @@ def _learn(walk: _Walk, kind: int, message: bytes) -> None:
     elif kind == INFO:
         inform(walk.catalogue, message)
     elif kind == DATA:
-        walk.counts[int.from_bytes(message[:2], "little")] += 1
+        number = int.from_bytes(message[:2], "little")
+        walk.places.setdefault(number, array("q")).append(at)
+    elif kind == DROPOUT:
+        walk.dropouts.append(int.from_bytes(message, "little"))
     elif kind == FLAGS:
         _flags(walk, message[8:16], message[16:40])
 

@@ -1,7 +1,6 @@
 """ULog topics into a recording: equality with pyulog, units, instances, clocks, every error."""
 
 import struct
-from io import BytesIO
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from ulog_logs import Log, flight
 from attest import readers, simulation
 from attest.errors import ConfigError, ReadError
 from attest.geometry import quaternion
-from attest.readers import ReadOptions, ulog_frames, ulog_topics
+from attest.readers import ReadOptions, ulog_frames, ulog_tables, ulog_topics
 from attest.simulation import ulog
 
 TIMES = np.arange(100.0, 104.0, 0.004)
@@ -33,14 +32,22 @@ def seconds(recording, name="gyro"):
     return recording.signals[name].t / 1e9
 
 
-def assert_equal(ours, theirs):
-    """Compare what pyulog makes of the sieved log and of the whole one."""
-    ours, theirs = ({(d.name, d.multi_id): d for d in log.data_list} for log in (ours, theirs))
+def streams(path):
+    data = path.read_bytes()
+    sound = ulog_frames.sound(data, ulog_topics.WANTED)
+    return sound, ulog_tables.streams(data, sound, ulog_tables.definitions(path, sound))
+
+
+def assert_equal(found, whole):
+    """Compare what is read with what pyulog reads."""
+    ours = {(s.topic, s.instance): s.data for group in found.values() for s in group}
+    theirs = {(d.name, d.multi_id): d.data for d in whole.data_list}
     assert ours.keys() == {key for key in theirs if key[0] in ulog_topics.WANTED}
     for key, mine in ours.items():
-        assert mine.data.keys() == theirs[key].data.keys()
-        for column, values in mine.data.items():
-            assert values.tobytes() == theirs[key].data[column].tobytes(), (key, column)
+        assert mine.keys() == theirs[key].keys()
+        for column, values in mine.items():
+            assert values.dtype == theirs[key][column].dtype, (key, column)
+            assert values.tobytes() == theirs[key][column].tobytes(), (key, column)
 
 
 @pytest.fixture(scope="module")
@@ -50,11 +57,11 @@ def simulated(tmp_path_factory):
     return path
 
 
-def test_what_is_sound_is_as_pyulog_reads_it(simulated):
-    sound = ulog_frames.sound(simulated.read_bytes(), ulog_topics.WANTED)
+def test_every_topic_is_as_pyulog_reads_it(simulated):
+    sound, found = streams(simulated)
     whole = ULog(str(simulated))
     assert not whole.file_corruption
-    assert_equal(ULog(BytesIO(sound.data)), whole)
+    assert_equal(found, whole)
     assert sound.counts == {d.name: len(d.data["timestamp"]) for d in whole.data_list}
 
 
@@ -83,13 +90,15 @@ def test_what_is_sound_is_as_pyulog_reads_it(simulated):
 )  # fmt: skip
 def test_recorded_logs(shared, name, rates, reference):
     path = shared / "ulog" / f"{name}.ulg"
-    sound = ulog_frames.sound(path.read_bytes(), ulog_topics.WANTED)
+    sound, found = streams(path)
+    whole = ULog(str(path))
     assert sound.damage == ulog_frames.Damage()
-    assert_equal(ULog(BytesIO(sound.data)), ULog(str(path)))
+    assert [*sound.dropouts] == [dropout.duration for dropout in whole.dropouts]
+    assert_equal(found, whole)
     recording = readers.read(path)
-    found = {key: (len(s.t), pytest.approx(1e9 / np.median(np.diff(s.t)), rel=0.01))
+    rhythm = {key: (len(s.t), pytest.approx(1e9 / np.median(np.diff(s.t)), rel=0.01))
              for key, s in recording.signals.items()}  # fmt: skip
-    assert rates == found
+    assert rates == rhythm
     first = next(iter(recording.references.values()))
     assert (first.name, first.kind, len(first.t)) == reference
     span = recording.signals["gyro"].t

@@ -2,16 +2,14 @@
 
 import struct
 from contextlib import suppress
-from io import BytesIO
 
 import numpy as np
 import pytest
-from pyulog import ULog
 from ulog_logs import Log, flight
 
 from attest import readers, simulation
 from attest.errors import ReadError
-from attest.readers import ulog_format, ulog_frames, ulog_topics
+from attest.readers import ulog_format, ulog_frames, ulog_tables, ulog_topics
 from attest.simulation import ulog
 
 TIMES = np.arange(100.0, 104.0, 0.004)
@@ -34,13 +32,11 @@ def simulated():
 
 def rows(data):
     """Rows of each topic as comparable things."""
-    found = ULog(BytesIO(ulog_frames.sound(data, ulog_topics.WANTED).data))
+    sound = ulog_frames.sound(data, ulog_topics.WANTED)
+    found = ulog_tables.streams(data, sound, ulog_tables.definitions(None, sound))
     return {
-        dataset.name: {
-            tuple(values)
-            for values in zip(*(c.tolist() for c in dataset.data.values()), strict=True)
-        }
-        for dataset in found.data_list
+        name: {tuple(row) for row in zip(*(c.tolist() for c in one.data.values()), strict=True)}
+        for name, (one,) in found.items()
     }
 
 

@@ -1,0 +1,110 @@
+"""How quickly an on-board log of ArduPilot is read, against pymavlink, in one run.
+
+    python tests/benchmarks/bench_dataflash.py LOG [--megabytes 100] [--pymavlink-megabytes 10]
+
+Repeats the log's messages, with times that go on, until the file is as long as wanted; reads it
+whole here and its beginning with pymavlink's ``recv_match``, both for the same message types;
+prints rates, their ratio and the highest memory use. With ``--text`` it does so for text.
+"""
+
+import argparse
+import resource
+import sys
+import tempfile
+import time
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+from pymavlink import DFReader
+
+
+def lengthened(log: Path, size: int, out: Path) -> None:
+    """Write the log's messages over and over, each time later than before."""
+    from attest.readers import dataflash_scan as scan
+
+    data = np.frombuffer(log.read_bytes(), np.uint8)
+    places = scan.marks(data)
+    defined = scan.definitions(data, places)
+    frames = scan._sound(data, scan._candidates(data, places, defined), defined)
+    micros, timed = scan._micros(data, frames, defined)
+    told = [given[-1][1].name in ("FMT", "FMTU", "UNIT", "MULT", "PARM") for given in
+            (defined[kind] for kind in frames.kind.tolist())]  # fmt: skip
+    span = int(np.ptp(micros[timed])) + 20_000
+    turning = timed & ~np.array(told)
+    first = int(frames.at[turning][0])
+    body = data[first : int(frames.end[-1])].copy()
+    at = (frames.at[turning & (frames.at >= first)] - first + scan.HEADER)[:, np.newaxis]
+    cells = at + np.arange(8)
+    stamps = body[cells].copy().view("<u8")
+    with out.open("wb") as file:
+        file.write(data[:first])
+        for turn in range(max(1, (size - first) // len(body))):
+            body[cells] = (stamps + np.uint64(turn * span)).view(np.uint8)
+            file.write(body)
+
+
+def as_text(log: Path, out: Path) -> None:
+    """Write a binary log as text."""
+    with closing(DFReader.DFReader_binary(str(log))) as reader, out.open("w") as file:
+        while (message := reader.recv_msg()) is not None:
+            values = [str(getattr(message, name)) for name in message.get_fieldnames()]
+            file.write(", ".join([message.get_type(), *values]) + "\n")
+
+
+def pymavlink_rate(log: Path, wanted: set[str], text: bool) -> tuple[float, int]:
+    """Bytes per second of ``recv_match`` over a log, and the messages it gave."""
+    start, count = time.perf_counter(), 0
+    kind = DFReader.DFReader_text if text else DFReader.DFReader_binary
+    with closing(kind(str(log))) as reader:
+        while reader.recv_match(type=list(wanted)) is not None:
+            count += 1
+    return log.stat().st_size / (time.perf_counter() - start), count
+
+
+def own_rate(log: Path) -> tuple[float, int]:
+    """Bytes per second of the whole reader, and the samples of its gyroscope."""
+    from attest import readers
+
+    start = time.perf_counter()
+    recording = readers.read(log)
+    seconds = time.perf_counter() - start
+    return log.stat().st_size / seconds, len(recording.signals["gyro"].t)
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("log", type=Path, help="a binary log to make a long one from")
+    parser.add_argument("--megabytes", type=float, default=100.0)
+    parser.add_argument("--pymavlink-megabytes", type=float, default=10.0)
+    parser.add_argument("--rounds", type=int, default=3, help="of which the quickest counts")
+    parser.add_argument("--text", action="store_true", help="measure the text format")
+    args = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        long, part = Path(folder) / "long.BIN", Path(folder) / "part.BIN"
+        lengthened(args.log, int(args.megabytes * 1e6), long)
+        lengthened(args.log, int(args.pymavlink_megabytes * 1e6), part)
+        if args.text:
+            for path in (long, part):
+                as_text(path, path.with_suffix(".log"))
+            long, part = long.with_suffix(".log"), part.with_suffix(".log")
+        _report(long, part, args.rounds, args.text)
+
+
+def _report(long: Path, part: Path, rounds: int, text: bool) -> None:
+    from attest.readers.dataflash_signals import WANTED
+
+    own, samples = max(own_rate(long) for _ in range(rounds))
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    theirs, count = max(pymavlink_rate(part, set(WANTED), text) for _ in range(2))
+    # again, so that a machine that grew slower or quicker meanwhile favours neither
+    own = max(own, *(own_rate(long)[0] for _ in range(rounds)))
+    out = sys.stdout.write
+    out(f"attest     {own / 1e6:8.1f} MB/s  {samples} gyro samples, peak memory {peak:.0f} MB\n")
+    out(f"pymavlink  {theirs / 1e6:8.2f} MB/s  {count} messages\n")
+    out(f"ratio      {own / theirs:8.1f}\n")
+
+
+if __name__ == "__main__":
+    main()
