@@ -24,8 +24,8 @@ from attest.readers.dataflash_format import (
 Lines = list[tuple[int, bytes]]
 """Places of lines, and what stands behind the name."""
 
-LONGEST = 1 << 16
-"""Bytes of a line that can be one."""
+NAMED = 5
+"""Bytes in which a line has its name, of four at most, and a comma."""
 
 
 def recognises(head: bytes) -> bool:
@@ -58,20 +58,33 @@ def scan(path: Path, wanted: Collection[str]) -> Scan:
 
 def _lines(path: Path, wanted: dict[bytes, str]) -> tuple[dict[str, Lines], Counter[str], int]:
     """Sort the lines by name, count all names, and the bytes in lines without one."""
+    data = path.read_bytes() + b"\n" + bytes(NAMED)
+    text = np.frombuffer(data, np.uint8)
+    end = np.flatnonzero(text == ord("\n"))
+    start = np.concatenate([[0], end[:-1] + 1])
+    key = _names(text, start)
     lines: dict[str, Lines] = {}
-    counts: Counter[bytes] = Counter()
-    junk = at = 0
-    with path.open("rb") as file:
-        while line := file.readline(LONGEST):
-            name, comma, rest = line.partition(b",")
-            if not comma or len(name) > 16:
-                junk += len(line) if line.strip() else 0
-            else:
-                counts[name] += 1
-                if name in wanted:
-                    lines.setdefault(wanted[name], []).append((at, rest))
-            at += 1
+    for name, known in wanted.items():
+        rows = np.flatnonzero(key == int.from_bytes(name, "little"))
+        first = (start[rows] + len(name) + 1).tolist()
+        cut = [data[a:b] for a, b in zip(first, (end[rows] + 1).tolist(), strict=True)]
+        lines[known] = [*zip(rows.tolist(), cut, strict=True)]
+    junk = int((end - start)[key == 0].sum())
+    told = zip(*(found.tolist() for found in np.unique_counts(key[key > 0])), strict=True)
+    counts = {name.to_bytes(8, "little").rstrip(b"\0"): count for name, count in told}
     return lines, Counter({name.decode("latin-1"): n for name, n in counts.items()}), junk
+
+
+def _names(text: NDArray[np.uint8], start: NDArray[np.int64]) -> NDArray[np.uint64]:
+    """Return the bytes before the first comma of each line as one number; 0 where none is near."""
+    key = np.zeros(len(start), np.uint64)
+    open_ = np.ones(len(start), np.bool_)
+    for i in range(NAMED):
+        byte = text[start + i]
+        open_ &= byte != ord(",")
+        key |= np.where(open_, byte.astype(np.uint64) << np.uint64(8 * i), np.uint64(0))
+    key[open_] = 0
+    return key
 
 
 def _definition(rest: bytes) -> Format | None:
@@ -84,18 +97,18 @@ def _definition(rest: bytes) -> Format | None:
 
 def _table(form: Format, lines: Lines) -> tuple[Table, int]:
     """Read the cells of one message; also the bytes of the lines that are none."""
-    count = len(form.columns)
-    whole = [(at, rest) for at, rest in lines if rest.count(b",") >= count - 1]
-    bad = sum(len(rest) for _, rest in lines) - sum(len(rest) for _, rest in whole)
-    at = np.array([place for place, _ in whole], np.int64)
+    at = np.array([place for place, _ in lines], np.int64)
     try:
-        columns = _quickly(form, [rest for _, rest in whole])
+        return Table(at, _quickly(form, [rest for _, rest in lines])), 0
     except ValueError:  # what pyarrow raises too
-        cells = [rest.split(b",", count - 1) for _, rest in whole]
-        columns, good = _slowly(form, cells)
-        bad += sum(len(rest) for (_, rest), kept in zip(whole, good, strict=True) if not kept)
-        return Table(at, columns)[good], bad
-    return Table(at, columns), bad
+        count = len(form.columns)
+        cells = [rest.split(b",", count - 1) for _, rest in lines]
+        full = np.array([len(row) == count for row in cells], np.bool_)
+        columns, read = _slowly(form, [row for row in cells if len(row) == count])
+        good = full.copy()
+        good[full] = read
+        bad = sum(len(rest) for (_, rest), kept in zip(lines, good, strict=True) if not kept)
+        return Table(at[full], columns)[read], bad
 
 
 def _kind(char: str) -> Any:

@@ -82,6 +82,34 @@ def test_recorded_logs_are_as_pymavlink_reads_them(shared, name):
     assert_equal(scan.tables, messages, set(messages))
 
 
+@pytest.mark.shared
+@pytest.mark.parametrize(
+    ("name", "rates", "references"),
+    [
+        (
+            "bluerov2",
+            {"gyro": (594, 25.0), "accel": (594, 25.0), "mag": (237, 10.0), "velocity": (237, 10.0)},
+            ["XKQ[0]", "ATT", "AHR2", "XKF1[0]"],
+        ),
+        (
+            "plane_truncated",
+            {"gyro": (45, 49.9), "accel": (45, 49.9), "mag": (8, 10.0), "velocity": (24, 24.9),
+             "position": (23, 24.8)},
+            ["NKQ1", "NKQ2", "ATT", "AHR2", "NKF1"],
+        ),
+    ],
+)  # fmt: skip
+def test_recorded_logs(shared, name, rates, references):
+    recording = readers.read(shared / "dataflash" / f"{name}.BIN")
+    rhythm = {key: (len(s.t), pytest.approx(1e9 / np.median(np.diff(s.t)), rel=0.01))
+              for key, s in recording.signals.items()}  # fmt: skip
+    assert rates == rhythm
+    assert [*recording.references] == references
+    assert {r.kind for r in recording.references.values()} == {"autopilot"}
+    down = np.mean(recording.signals["accel"].y[:, 2])
+    assert -10.5 < down < -9.0
+
+
 @pytest.mark.parametrize("chars", ["bBghHiIf", "dcCeELqQ"])
 def test_every_character_of_a_format_is_as_pymavlink_reads_it(tmp_path, chars):
     rng, log, path = np.random.default_rng(1), Log(), tmp_path / "all.BIN"
