@@ -9,13 +9,11 @@ from collections import Counter
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from attest.readers.dataflash_format import (
-    DIVISORS,
     FMT,
     FMT_FORMAT,
     HEADER,
@@ -24,10 +22,10 @@ from attest.readers.dataflash_format import (
     Ints,
     Mask,
     Scan,
-    Table,
     parse,
     with_units,
 )
+from attest.readers.dataflash_tables import rows, tables
 
 Bytes = NDArray[np.uint8]
 
@@ -74,12 +72,12 @@ def scan(path: Path, wanted: Collection[str]) -> Scan:
     defined = definitions(data, places)
     maybe = _candidates(data, places, defined)
     frames = _sound(data, maybe, defined)
-    named = list(_by_name(frames, defined))
+    named = [(form, frames.at[chosen]) for form, chosen in _by_name(frames, defined)]
     counts: Counter[str] = Counter()
-    for form, chosen in named:
-        counts[form.name] += len(chosen)
-    tables, formats, odd = _tables(data, frames, named, {*wanted, "UNIT", "MULT", "FMTU"})
-    units = with_units(tables, formats)
+    for form, at in named:
+        counts[form.name] += len(at)
+    decoded, formats, odd = tables(data, named, {*wanted, "UNIT", "MULT", "FMTU"})
+    units = with_units(decoded, formats)
     found = {name: table for name, table in units.items() if name in wanted}
     return Scan(found, dict(counts), _damage(data, frames, defined), odd)
 
@@ -116,13 +114,6 @@ def _define(found: Definitions, form: Format | None, place: int) -> None:
     given = found.setdefault(form.kind, [])
     if len(given) < REDEFINED and (not given or given[-1][1] != form):
         given.append((place if given else 0, form))
-
-
-def rows(data: Bytes, at: Ints, length: int) -> NDArray[np.void]:
-    """Take so many bytes from each place."""
-    shape = (max(0, len(data) - length + 1),)
-    every: NDArray[np.void] = np.ndarray(shape, f"V{length}", data, strides=(1,))
-    return every[at]
 
 
 def _candidates(data: Bytes, places: Ints, defined: Definitions) -> _Frames:
@@ -250,50 +241,6 @@ def _by_name(frames: _Frames, defined: Definitions) -> Iterator[tuple[Format, In
         for (_, form), chosen in zip(given, np.split(mine, cuts), strict=True):
             if len(chosen):
                 yield form, chosen
-
-
-def _tables(
-    data: Bytes,
-    frames: _Frames,
-    named: list[tuple[Format, Ints]],
-    wanted: Collection[str],
-) -> tuple[dict[str, Table], dict[str, Format], tuple[str, ...]]:
-    """Decode; a name with several formats keeps the columns that all of them have."""
-    parts: dict[str, list[Table]] = {}
-    formats, odd = {}, []
-    for form, chosen in named:
-        if form.name not in wanted:
-            continue
-        if form.dtype is None:
-            odd.append(form.name)
-            continue
-        formats[form.name] = form
-        parts.setdefault(form.name, []).append(_decode(data, frames.at[chosen], form, form.dtype))
-    return {name: _joined(found) for name, found in parts.items()}, formats, tuple(odd)
-
-
-def _decode(data: Bytes, at: Ints, form: Format, dtype: np.dtype[np.void]) -> Table:
-    raw = rows(data, at, form.length).view(dtype)
-    columns: dict[str, NDArray[Any]] = {}
-    for name, char in zip(form.columns, form.chars, strict=False):
-        column = np.ascontiguousarray(raw[name])
-        columns[name] = column / DIVISORS[char] if char in DIVISORS else column
-    return Table(at, columns)
-
-
-def _joined(parts: list[Table]) -> Table:
-    if len(parts) == 1:
-        return parts[0]
-    order = np.argsort(np.concatenate([part.at for part in parts]), kind="stable")
-    columns = {}
-    for name in parts[0].columns:
-        values = [part.columns[name] for part in parts if name in part.columns]
-        if (
-            len(values) == len(parts)
-            and len({(value.dtype.kind == "S", value.ndim) for value in values}) == 1
-        ):
-            columns[name] = np.concatenate(values)[order]
-    return Table(np.concatenate([part.at for part in parts])[order], columns)
 
 
 def _damage(data: Bytes, frames: _Frames, defined: Definitions) -> Damage:
