@@ -1,18 +1,16 @@
-"""ULog topics into a recording: equality with pyulog, units, instances, clocks, every error."""
+"""ULog topics into a recording: units, instances, clocks, every error."""
 
 import struct
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
-from pyulog import ULog
+from numpy.testing import assert_allclose
 from ulog_logs import Log, flight
 
-from attest import readers, simulation
-from attest.errors import ConfigError, ReadError
+from attest import readers
+from attest.errors import ReadError
 from attest.geometry import quaternion
-from attest.readers import ReadOptions, ulog_frames, ulog_tables, ulog_topics
-from attest.simulation import ulog
+from attest.readers import ReadOptions
 
 TIMES = np.arange(100.0, 104.0, 0.004)
 TURNED = quaternion.from_euler(*np.radians([10.0, -20.0, 30.0]))
@@ -30,81 +28,6 @@ def notes(recording):
 
 def seconds(recording, name="gyro"):
     return recording.signals[name].t / 1e9
-
-
-def streams(path):
-    data = path.read_bytes()
-    sound = ulog_frames.sound(data, ulog_topics.WANTED)
-    return sound, ulog_tables.streams(data, sound, ulog_tables.definitions(path, sound))
-
-
-def assert_equal(found, whole):
-    """Compare what is read with what pyulog reads."""
-    ours = {(s.topic, s.instance): s.data for group in found.values() for s in group}
-    theirs = {(d.name, d.multi_id): d.data for d in whole.data_list}
-    assert ours.keys() == {key for key in theirs if key[0] in ulog_topics.WANTED}
-    for key, mine in ours.items():
-        assert mine.keys() == theirs[key].keys()
-        for column, values in mine.items():
-            assert values.dtype == theirs[key][column].dtype, (key, column)
-            assert values.tobytes() == theirs[key][column].tobytes(), (key, column)
-
-
-@pytest.fixture(scope="module")
-def simulated(tmp_path_factory):
-    path = tmp_path_factory.mktemp("ulog") / "quadcopter.ulg"
-    path.write_bytes(ulog.encode(simulation.simulate("quadcopter")))
-    return path
-
-
-def test_every_topic_is_as_pyulog_reads_it(simulated):
-    sound, found = streams(simulated)
-    whole = ULog(str(simulated))
-    assert not whole.file_corruption
-    assert_equal(found, whole)
-    assert sound.counts == {d.name: len(d.data["timestamp"]) for d in whole.data_list}
-
-
-@pytest.mark.shared
-@pytest.mark.parametrize(
-    ("name", "rates", "reference"),
-    [
-        (
-            "auav_x21",
-            {"gyro": (17070, 250.0), "accel": (17070, 250.0), "mag": (6759, 96.525)},
-            ("vehicle_attitude", "autopilot", 6461),
-        ),
-        (
-            "cubeorange_rest",
-            {"gyro": (1298, 204.583), "accel": (1298, 204.583), "mag": (319, 49.995),
-             "velocity": (32, 5.0), "position": (32, 5.0)},
-            ("vehicle_attitude", "autopilot", 1298),
-        ),
-        (
-            "sitl_groundtruth",
-            {"gyro": (2028, 250.0), "accel": (2028, 250.0), "mag": (159, 14.706),
-             "velocity": (30, 19.231), "position": (30, 19.231)},
-            ("vehicle_attitude_groundtruth", "truth", 1078),
-        ),
-    ],
-)  # fmt: skip
-def test_recorded_logs(shared, name, rates, reference):
-    path = shared / "ulog" / f"{name}.ulg"
-    sound, found = streams(path)
-    whole = ULog(str(path))
-    assert sound.damage == ulog_frames.Damage()
-    assert [*sound.dropouts] == [dropout.duration for dropout in whole.dropouts]
-    assert_equal(found, whole)
-    recording = readers.read(path)
-    rhythm = {key: (len(s.t), pytest.approx(1e9 / np.median(np.diff(s.t)), rel=0.01))
-             for key, s in recording.signals.items()}  # fmt: skip
-    assert rates == rhythm
-    first = next(iter(recording.references.values()))
-    assert (first.name, first.kind, len(first.t)) == reference
-    span = recording.signals["gyro"].t
-    for other in (*recording.signals.values(), *recording.references.values()):
-        assert span[0] - 1e9 < other.t[0]
-        assert other.t[-1] < span[-1] + 1e9
 
 
 def test_units_and_axes(tmp_path):
@@ -295,21 +218,3 @@ def test_what_cannot_be_used_is_told_in_one_line(tmp_path, make, message):
     with pytest.raises(ReadError) as error:
         read(tmp_path, make())
     assert str(error.value) == f"{tmp_path / 'flight.ulg'}: {message}"
-
-
-def test_simulated_log_has_what_the_flight_had(simulated):
-    flown, recording = simulation.simulate("quadcopter"), readers.read(simulated)
-    heard = flown.received(flown.t)
-    truth = recording.references["vehicle_attitude_groundtruth"]
-    assert_array_equal(truth.t, flown.t[heard])
-    assert_allclose(np.abs(np.einsum("ij,ij->i", truth.q, flown.q[heard])), 1.0, atol=1e-6)
-    gyro = flown.signals["gyro"]
-    assert_allclose(recording.signals["gyro"].y, gyro.y[flown.received(gyro.t)], atol=1e-6)
-    assert recording.clock.utc_offset == flown.utc_offset
-    assert notes(recording)["dropouts of the logger, 1500 ms"] == 1
-
-
-def test_a_flight_without_sensors_has_no_log():
-    with pytest.raises(ConfigError) as error:
-        ulog.encode(simulation.simulate("fts-7.1"))
-    assert str(error.value).endswith("for a .ulg. Write a .csv instead.")
