@@ -37,7 +37,12 @@ def configure(name: str, assignments: Sequence[str] = ()) -> Configuration:
 def read(log: Path, configuration: Configuration) -> Recording:
     """Read a log as the configuration asks."""
     wanted = configuration.input
-    options = ReadOptions(vehicle=wanted.vehicle, imu=wanted.imu, world=wanted.world)
+    options = ReadOptions(
+        vehicle=wanted.vehicle,
+        imu=wanted.imu,
+        topics=wanted.topics.model_dump(exclude_none=True),
+        world=wanted.world,
+    )
     return readers.read(log, options)
 
 

@@ -109,11 +109,34 @@ class Conditioning(Section):
     magnetometer: Magnetometer = Magnetometer()
 
 
+class Topics(Section):
+    """ROS topics to read each signal from; null takes the best."""
+
+    gyro: str | None = None
+    """Angular velocity."""
+    accel: str | None = None
+    """Specific force."""
+    mag: str | None = None
+    """Magnetic field."""
+    velocity: str | None = None
+    """Velocity along the axes of the world."""
+    position: str | None = None
+    """Latitude, longitude, altitude."""
+    torque: str | None = None
+    """Torque."""
+    points: str | None = None
+    """Feature points."""
+    reference: str | None = None
+    """The reference to put first."""
+
+
 class Input(Section):
     """How the log is read."""
 
     imu: str | None = None
     """Message or topic to take the inertial signals from; null takes the best."""
+    topics: Topics = Topics()
+    """ROS topics to read each signal from."""
     vehicle: str | None = None
     """System id, or system/component, where a log has several vehicles."""
     world: Literal["ned", "enu"] | None = None

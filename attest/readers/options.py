@@ -13,7 +13,9 @@ class ReadOptions:
     vehicle: str | None = None
     """MAVLink system, ``1``, or system and component, ``1/1``."""
     imu: str | None = None
-    """The inertial message to use, such as ``SCALED_IMU2``."""
+    """The inertial message to use, such as ``SCALED_IMU2``, or the topic."""
+    topics: Mapping[str, str] | None = None
+    """Topic for gyro, accel, mag, velocity, position, torque, points or reference."""
     world: World | None = None
     """World axes of a log that does not say."""
     csv: Mapping[str, object] | None = None
