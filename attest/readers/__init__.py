@@ -12,9 +12,9 @@ from attest.errors import ReadError
 from attest.readers.options import ReadOptions
 from attest.recording import Recording
 
-__all__ = ["NAMES", "ReadOptions", "is_log", "read", "recognise"]
+__all__ = ["NAMES", "ReadOptions", "is_log", "logs_in", "read", "recognise"]
 
-NAMES = ("ulog", "dataflash", "tlog", "csv")
+NAMES = ("ros", "ulog", "dataflash", "tlog", "csv")
 """Modules in the order they are asked; imported on use."""
 HEAD = 1 << 16
 """Bytes that a reader may look at to recognise a file."""
@@ -47,12 +47,28 @@ def recognise(path: Path) -> str:
 
 
 def is_log(path: Path) -> bool:
-    """Whether some reader knows the file."""
+    """Whether some reader knows the file, or the folder is one log, as those of ROS 2 are."""
     try:
         recognise(path)
     except ReadError:
         return False
     return True
+
+
+def logs_in(folder: Path) -> list[Path]:
+    """Return the logs of a folder and of those in it, by content, in name order.
+
+    What is hidden is left out; a folder that is one log is named once, not file by file.
+    """
+    if is_log(folder):
+        return [folder]
+    logs = []
+    for path in sorted(folder.glob("[!.]*")):
+        if path.is_dir() and not path.is_symlink():
+            logs += logs_in(path)
+        elif path.is_file() and is_log(path):
+            logs.append(path)
+    return logs
 
 
 def read(path: Path, options: ReadOptions | None = None) -> Recording:
@@ -78,6 +94,10 @@ def _reader(name: str) -> _Reader:
 
 def _head(path: Path) -> bytes:
     if path.is_dir():
+        from attest.readers import ros_files
+
+        if ros_files.is_folder(path):
+            return b""
         raise ReadError(f"{path}: a folder, and no log in this folder was named. Give a log file.")
     if path.exists() and not path.is_file():
         raise ReadError(f"{path}: not a regular file. Give a log file.")

@@ -35,7 +35,7 @@ def describe(recording: Recording) -> dict[str, Any]:
         "duration_s": _duration(recording),
         "restarts": len(recording.restarts),
         "signals": {
-            name: {"source": s.source, "unit": UNITS.get(name, ""), **rhythm(s.t)}
+            name: {"source": s.source, "unit": _unit(name), **rhythm(s.t)}
             for name, s in recording.signals.items()
         },
         "references": {
@@ -44,6 +44,10 @@ def describe(recording: Recording) -> dict[str, Any]:
         "details": dict(recording.details),
         **notes(recording.notes),
     }
+
+
+def _unit(name: str) -> str:
+    return "m" if name.removeprefix("point").isdecimal() else UNITS.get(name, "")
 
 
 def notes(told: tuple[Note, ...]) -> dict[str, Any]:
@@ -81,7 +85,7 @@ def text_of_info(info: Mapping[str, Any]) -> str:
         f"  {'signal':12s}{'from':24s}{'count':>9s}{'rate':>11s}{'gaps':>6s}{'longest':>10s}  unit",
     ]
     lines += [
-        f"  {name:12s}{s['source']:24s}{_rhythm(s)}  {s['unit']}"
+        f"  {name:11s} {s['source']:24s}{_rhythm(s)}  {s['unit']}"
         for name, s in info["signals"].items()
     ]
     lines += ["", *_references(info["references"])]

@@ -50,7 +50,7 @@ def summarise(result: Result, timing: Mapping[str, float]) -> dict[str, Any]:
 
 
 def sha256(path: Path) -> str:
-    """Return the digest of a file.
+    """Return the digest of a file, or of a folder's files in name order.
 
     Raises
     ------
@@ -58,10 +58,21 @@ def sha256(path: Path) -> str:
         The file cannot be read any more.
     """
     try:
+        if path.is_dir():
+            return _digest_of_folder(path)
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
         raise ReadError(f"{path}: {error.strerror}. It was there when the run began.") from error
+
+
+def _digest_of_folder(folder: Path) -> str:
+    digest = hashlib.sha256()
+    for path in sorted(path for path in folder.iterdir() if path.is_file()):
+        digest.update(path.name.encode("utf-8", "surrogateescape") + b"\0")
+        with path.open("rb") as file:
+            digest.update(hashlib.file_digest(file, "sha256").digest())
+    return digest.hexdigest()
 
 
 def versions() -> dict[str, str]:

@@ -1,0 +1,266 @@
+"""ROS logs: ROS 1 bags, ROS 2 folders, and their storage files on their own (SQLite, MCAP)."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from attest.errors import ReadError
+from attest.geometry import quaternion
+from attest.readers import ros_axes, ros_choose, ros_clock, ros_decode, ros_files, ros_points
+from attest.readers.options import ReadOptions
+from attest.readers.ros_clock import Lag
+from attest.readers.ros_decode import Array, Ints, Table
+from attest.readers.ros_offers import OFFERS, Offer
+from attest.readers.ros_topics import Crate, Topic
+from attest.readers.ros_units import in_tesla
+from attest.recording import Clock, Note, Recording, Reference, Signal, World
+
+UNIX = 10**18
+"""Nanoseconds, the year 2001: later stamps are unix time."""
+UNIT_TOLERANCE = 1e-3
+_ODD = (KeyError, ValueError, IndexError, TypeError)
+"""What comes of a message whose definition is not that of its name."""
+_IN_BODY = ("accel", "mag", "torque")
+
+
+def recognises(head: bytes, path: Path) -> bool:
+    """Whether it is a ROS 2 folder, or begins as a bag, an MCAP or a database of messages."""
+    return ros_files.recognises(head, path)
+
+
+def read(path: Path, options: ReadOptions) -> Recording:
+    """Read the topics that give the signals.
+
+    Raises
+    ------
+    ReadError
+        There is no gyroscope, or not what the options ask for.
+    """
+    form, crate = ros_files.read(path)
+    notes = [Note(text, count, doubt=True) for text, count in crate.damage.items()]
+    counts = {(topic.name, topic.type): topic.seen for topic in crate.topics.values()}
+    offers = _offers(crate, notes)
+    topics = dict(options.topics or {})
+    if options.imu is not None:
+        topics = {"gyro": options.imu, "accel": options.imu} | topics
+    chosen = ros_choose.choose(path, offers, topics, notes)
+    if "gyro" not in chosen:
+        raise ReadError(f"{path}: {_nothing(counts)}")
+    gyro = chosen["gyro"]
+    world = _world(offers, gyro, options, notes)
+    log = _Log(path, offers, chosen, topics, world, notes, ros_clock.lag(gyro))
+    signals, references = _signals(log), _references(log)
+    return Recording(
+        path=path,
+        format=form,
+        signals=signals,
+        references=references,
+        clock=_clock(signals["gyro"], log.lag),
+        world=log.world,
+        body="frd" if log.world == "ned" else "flu",
+        notes=tuple(dict.fromkeys(notes)),
+        details={"topics": _topics(counts, signals, references)},
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Log:
+    """What the parts of a reading share."""
+
+    path: Path
+    offers: Sequence[Offer]
+    chosen: Mapping[str, Offer]
+    topics: Mapping[str, str]
+    """That the user names, by role."""
+    world: World
+    notes: list[Note]
+    lag: Lag | None
+    """How far the recorder's clock is ahead of the gyroscope's."""
+
+
+def _offers(crate: Crate, notes: list[Note]) -> list[Offer]:
+    """Decode every topic that gives something, and drop its bytes at once."""
+    found: list[Offer] = []
+    for topic in crate.topics.values():
+        _tell_of(topic, notes)
+        if topic.wanted and (table := _decoded(topic, notes)) is not None:
+            try:
+                found += _offered(table, notes)
+            except _ODD:
+                notes.append(Note(f"{topic.name} is not as {topic.type} should be: not used",
+                                  doubt=True))  # fmt: skip
+        topic.data = bytearray()
+    return ros_choose.usable(found, notes)
+
+
+def _tell_of(topic: Topic, notes: list[Note]) -> None:
+    if topic.encoding == "other" and topic.seen:
+        notes.append(Note(f"{topic.name} in an encoding that attest cannot decode: skipped"))
+    if topic.too_large:
+        notes.append(Note(f"{topic.name} cloud too large for feature points: skipped",
+                          topic.too_large))  # fmt: skip
+
+
+def _decoded(topic: Topic, notes: list[Note]) -> Table | None:
+    if not topic.record:
+        return None
+    table = ros_decode.decode(topic)
+    if table is None:
+        notes.append(Note(f"{topic.name} skipped: no definition of {topic.type} that can be read"))
+        return None
+    if table.broken:
+        heavy = table.broken > 0.05 * len(table.record)
+        notes.append(Note(f"{topic.name} message that is not as defined, dropped", table.broken,
+                          doubt=heavy))  # fmt: skip
+    if table.assumed:
+        notes.append(Note(f"{topic.type} taken as ROS and PX4 define it: the log does not"))
+    return table if len(table) else None
+
+
+def _offered(table: Table, notes: list[Note]) -> list[Offer]:
+    if table.type in OFFERS:
+        return list(OFFERS[table.type](table))
+    return ros_points.points(table, notes)
+
+
+def _world(offers: Sequence[Offer], gyro: Offer, options: ReadOptions, notes: list[Note]) -> World:
+    """Axes as declared; else PX4's, those of attest's own results, or REP-103's."""
+    if options.world is not None:
+        return options.world
+    if gyro.axes == "px4":
+        return "ned"
+    own = ros_axes.fixed(offers).get(("map", "world"))
+    if own is not None and ros_choose.OWN in gyro.topic:
+        if abs(float(own @ ros_axes.WORLD)) > 0.999:
+            notes.append(Note("world north-east-down, as attest's own results say"))
+            return "ned"
+        return "enu"
+    accel = [offer.y for offer in offers if offer.role == "accel" and offer.topic == gyro.topic]
+    if accel and np.nanmedian(accel[0][:, 2]) < -5.0:
+        notes.append(Note("accel_z is down: the sensor is upside down, or its driver does not keep "
+                          "to REP-103: try --world ned", doubt=True))  # fmt: skip
+    return "enu"
+
+
+def _signals(log: _Log) -> dict[str, Signal]:
+    found: dict[str, Signal] = {}
+    gyro, known = log.chosen["gyro"], ros_axes.fixed(log.offers)
+    for role, offer in [*log.chosen.items(), *_points(log)]:
+        right = in_tesla(offer, log.notes) if role == "mag" and offer.axes != "px4" else offer
+        if role in _IN_BODY:
+            right = ros_axes.into_body(right, gyro.frame, known, log.notes)
+        if (signal := _signal(log, _turned(log, right))) is not None:
+            found[role] = signal
+    if "gyro" not in found:
+        raise ReadError(f"{log.path}: no gyroscope sample in {gyro.topic} can be used. "
+                        "Choose another: --set input.topics.gyro=TOPIC.")  # fmt: skip
+    return found
+
+
+def _turned(log: _Log, offer: Offer) -> Offer:
+    """Turn values from the axes of their source to the log's; points stay in their sensor's."""
+    if offer.role == "point":
+        return offer
+    foreign = log.chosen["gyro"].axes == "px4" and offer.axes != "px4"
+    own: World = "ned" if offer.axes == "px4" else "enu" if foreign else log.world
+    return ros_axes.axes(offer, own, log.world)
+
+
+def _signal(log: _Log, offer: Offer) -> Signal | None:
+    t, rows = ros_clock.times(offer, log.lag, log.notes)
+    y = np.ascontiguousarray(offer.y[rows])
+    good = ros_clock.finite(offer, y, log.notes)
+    if not good.all():
+        t, y = t[good], y[good]
+    return Signal(t, y, offer.topic) if len(t) else None
+
+
+def _points(log: _Log) -> Iterator[tuple[str, Offer]]:
+    """Yield the feature points of one topic as ``point1``, ``point2`` and so on."""
+    held = [offer for offer in log.offers if offer.role == "point"]
+    if not held:
+        return
+    topics = {offer.topic: sum(len(o.y) for o in held if o.topic == offer.topic) for offer in held}
+    topic = max(topics, key=lambda name: topics[name])
+    if "points" in log.topics:
+        nameless = [replace(offer, name="") for offer in held]
+        topic = ros_choose.named(log.path, nameless, "points", log.topics["points"]).topic
+    chosen = [offer for offer in held if offer.topic == topic]
+    names = ", ".join(f"point{i} {offer.name!r}" for i, offer in enumerate(chosen[:12], 1))
+    log.notes.append(Note(f"feature points from {topic}: {names}"))
+    if others := sorted(topics.keys() - {topic}):
+        log.notes.append(Note(f"points from {topic}, not {', '.join(others)}: "
+                              "--set input.topics.points=TOPIC takes another"))  # fmt: skip
+    yield from ((f"point{i}", offer) for i, offer in enumerate(chosen, 1))
+
+
+def _references(log: _Log) -> dict[str, Reference]:
+    gyro, known = log.chosen["gyro"], ros_axes.fixed(log.offers)
+    held = [
+        offer
+        for offer in log.offers
+        if offer.role == "reference"
+        and ros_choose.is_attitude(offer, gyro)
+        and (offer.frame, offer.child) not in known
+        and not (ros_choose.OWN in offer.topic and offer.type.endswith("/Imu"))
+    ]
+    first = log.topics.get("reference")
+    best = first and ros_choose.named(log.path, held, "reference", first)
+    found: list[tuple[tuple[object, ...], Reference]] = []
+    for offer in held:
+        worth = ros_choose.kind(offer, log.notes)
+        turned = _turned(log, ros_axes.of_body(offer, gyro.frame, known, log.notes))
+        if (attitude := _attitude(log, turned)) is not None:
+            order = (
+                offer.name != best.name if best else False,
+                *ros_choose.rank(offer, worth, gyro),
+            )
+            t, q = attitude
+            found.append((order, Reference(offer.name, worth, t, q)))
+    return {reference.name: reference for _, reference in sorted(found, key=lambda f: f[0])}
+
+
+def _attitude(log: _Log, offer: Offer) -> tuple[Ints, Array] | None:
+    t, rows = ros_clock.times(offer, log.lag, log.notes)
+    q = offer.y[rows]
+    size = np.linalg.norm(q, axis=1)
+    good = ros_clock.finite(offer, q, log.notes) & (size > 1e-3) & (size < 1e3)
+    if lost := int((np.isfinite(size) & ~good).sum()):
+        log.notes.append(Note(f"{offer.name} of no usable length dropped", lost))
+    if off := int((np.abs(size[good] - 1.0) > UNIT_TOLERANCE).sum()):
+        log.notes.append(Note(f"{offer.name} not of unit length, normalised", off))
+    if not good.any():
+        return None
+    return t[good], quaternion.continuous(quaternion.normalize(q[good]))
+
+
+def _clock(gyro: Signal, lag: Lag | None) -> Clock:
+    name = "recorder's time" if lag is None or (lag.far and not lag.steady) else "ROS time"
+    return Clock(name, 0 if gyro.t[0] > UNIX else None)
+
+
+def _topics(
+    counts: Mapping[tuple[str, str], int],
+    signals: Mapping[str, Signal],
+    references: Mapping[str, Reference],
+) -> list[dict[str, object]]:
+    """Tell of every topic its type, its messages, and what was taken from it."""
+    told = []
+    for (topic, type_), count in sorted(counts.items()):
+        used = [name for name, signal in signals.items() if signal.source == topic]
+        used += [
+            "reference" for name in references if name == topic or name.startswith(f"{topic}/")
+        ]
+        told.append({"topic": topic, "type": type_, "messages": count,
+                     "used": list(dict.fromkeys(used))})  # fmt: skip
+    return told
+
+
+def _nothing(counts: Mapping[tuple[str, str], int]) -> str:
+    """Say what the log holds instead of a gyroscope."""
+    if not any(counts.values()):
+        return "no message can be read. Record or copy the log again."
+    types = ", ".join(sorted({type_ for (_, type_), count in counts.items() if count})[:8])
+    return f"no gyroscope (sensor_msgs/Imu or px4_msgs/SensorCombined). The log holds: {types}."

@@ -1,0 +1,131 @@
+"""SQLite storage of ROS 2: a table of topics and a table of messages, each a row."""
+
+import sqlite3
+from collections.abc import Sequence
+from contextlib import closing
+from operator import methodcaller
+from pathlib import Path
+from typing import Any
+
+from attest.readers.ros_topics import ZSTD, Crate, Encoding, Topic
+from attest.readers.ros_types import ros2_name
+
+MAGIC = b"SQLite format 3\0"
+
+_TABLES = "SELECT count(*) FROM sqlite_master WHERE name IN ('messages', 'topics') AND {plain}"
+_PLAIN = "type = 'table' AND sql LIKE 'CREATE TABLE%' AND sql NOT LIKE '%GENERATED%'"
+"""No view and no computed column: those run what the file says, for as long as it likes."""
+_ROWS = 4096
+_STEPS = 100_000
+"""Between looks at how long a query works; SQLite's own steps."""
+_is_packed = methodcaller("startswith", ZSTD)
+_FORMS = {"ros2msg": "msg", "ros2idl": "idl"}
+
+
+def read(path: Path, crate: Crate) -> None:
+    """Take the messages of a database into the crate."""
+    size = path.stat().st_size
+    wal = path.with_name(path.name + "-wal")
+    if wal.is_file() and wal.stat().st_size:
+        crate.damage[f"{wal.name} beside the log not read: the log was not closed"] = 1
+    # immutable: nothing is locked, and no file is made beside a log
+    uri = f"{path.absolute().as_uri()}?immutable=1&mode=ro"
+    try:
+        with closing(sqlite3.connect(uri, uri=True)) as connection:
+            _guard(connection, size)
+            _read(connection, crate)
+    except (sqlite3.Error, OverflowError) as error:
+        text = f"database broken ({str(error)[:60]}), read as far as it goes"
+        crate.damage[text] += 1
+
+
+def _guard(connection: sqlite3.Connection, size: int) -> None:
+    """Let no query take memory or time out of proportion to the file."""
+    connection.text_factory = lambda text: text.decode("utf-8", "replace")
+    connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(max(size, 1 << 20), (1 << 31) - 1))
+    connection.execute("PRAGMA trusted_schema=OFF")
+    left = 1000 + size // 100
+
+    def too_long() -> bool:
+        nonlocal left
+        left -= 1
+        return left < 0
+
+    connection.set_progress_handler(too_long, _STEPS)
+
+
+def _read(connection: sqlite3.Connection, crate: Crate) -> None:
+    if connection.execute(_TABLES.format(plain=_PLAIN)).fetchone() != (2,):
+        crate.damage["database without the tables of a ROS 2 log"] += 1
+        return
+    texts = _definitions(connection)
+    topics: dict[Any, Topic] = {}
+    rows = connection.execute("SELECT id, name, type, serialization_format FROM topics")
+    for number, name, type_, encoding in rows.fetchall():
+        form: Encoding = "cdr" if encoding == "cdr" else "other"
+        definition = texts.get(str(type_), ("", ""))
+        topics[number] = crate.topic(str(name), ros2_name(str(type_)), form, definition)
+    wanted = {number: topic for number, topic in topics.items() if topic.wanted}
+    _count(connection, {n: topic for n, topic in topics.items() if n not in wanted})
+    _messages(connection, wanted, crate)
+
+
+def _definitions(connection: sqlite3.Connection) -> dict[str, tuple[str, str]]:
+    """Return the definitions that the log carries, none before ROS 2 Iron."""
+    query = "SELECT topic_type, encoded_message_definition, encoding FROM message_definitions"
+    try:
+        rows = connection.execute(query).fetchall()
+    except sqlite3.OperationalError:
+        return {}
+    return {
+        str(type_): (str(text), _FORMS[form])
+        for type_, text, form in rows
+        if text and form in _FORMS
+    }
+
+
+def _count(connection: sqlite3.Connection, topics: dict[Any, Topic]) -> None:
+    """Count the messages of topics that nobody wants."""
+    if topics:
+        query = f"SELECT topic_id, count(*) FROM messages WHERE {_among(topics)} GROUP BY topic_id"  # noqa: S608
+        for number, count in connection.execute(query, list(topics)):
+            topics[number].seen += count
+
+
+def _among(topics: dict[Any, Topic]) -> str:
+    return f"topic_id IN ({','.join('?' * len(topics))})"
+
+
+def _messages(connection: sqlite3.Connection, topics: dict[Any, Topic], crate: Crate) -> None:
+    """Read the messages of all wanted topics in one pass."""
+    query = f"SELECT topic_id, timestamp, data FROM messages WHERE {_among(topics)}"  # noqa: S608
+    cursor = connection.execute(query, list(topics))
+    while (rows := cursor.fetchmany(_ROWS)) and not crate.full:
+        numbers, stamps, data = _columns(rows, crate)
+        for number in set(numbers):
+            if len(set(numbers)) == 1:
+                own = stamps, data
+            else:
+                mine = [i for i, other in enumerate(numbers) if other == number]
+                own = [stamps[i] for i in mine], [data[i] for i in mine]
+            topics[number].seen += len(own[0])
+            topics[number].extend(*own)
+
+
+def _columns(rows: list[Any], crate: Crate) -> tuple[Sequence[Any], Sequence[int], Sequence[bytes]]:
+    """Return the columns of the rows that are as they should be, unpacked."""
+    numbers, stamps, data = zip(*rows, strict=True)
+    if {*map(type, stamps)} == {int} and {*map(type, data)} == {bytes}:
+        if not _is_packed(data[0]):  # a log packs all of its messages or none
+            return numbers, stamps, data
+        return numbers, stamps, [_plain(message, crate) for message in data]
+    sound = [row for row in rows if isinstance(row[1], int) and isinstance(row[2], bytes)]
+    crate.damage["message without a stamp or data, left out"] += len(rows) - len(sound)
+    return _columns(sound, crate) if sound else ([], [], [])
+
+
+def _plain(data: bytes, crate: Crate) -> bytes:
+    """Unpack a message that was compressed on its own; nothing where it does not unpack."""
+    if not _is_packed(data):
+        return data
+    return crate.unpack(data, "zstd", crate.largest_chunk) or b""

@@ -1,0 +1,189 @@
+"""Feature points: clouds, arrays of poses, and the markers of motion capture."""
+
+from collections.abc import Callable, Iterator
+from pathlib import PurePosixPath
+
+import numpy as np
+from numpy.typing import NDArray
+
+from attest.readers.ros_decode import Array, Group, Ints, Table
+from attest.readers.ros_offers import Offer, text_of
+from attest.recording import Note
+
+MOST_POINTS = 200
+"""A cloud of more is a scan, and no set of feature points."""
+MILLIMETRES = 50.0
+"""From which a motion capture's distances cannot be metres."""
+
+Part = tuple[str, Ints, Array]
+"""A point's name, the messages that hold it, and where it is in each."""
+
+_FLOATS = {7: "f4", 8: "f8"}
+_NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", **_FLOATS}
+"""Types of a cloud's fields."""
+_NAMES = ("marker_name", "name", "id", "marker_index", "index")
+_PLACES = ("translation", "position", "pose.position", "point")
+
+
+def points(table: Table, notes: list[Note]) -> list[Offer]:
+    """Return an offer for each feature point of a topic; none where the points have no names."""
+    take = _taker(table.type)
+    parts: dict[str, list[tuple[Ints, Array]]] = {}
+    hidden = 0
+    for group in table.groups:
+        for name, rows, place in take(group):
+            seen = np.isfinite(place).all(axis=1)
+            hidden += int((~seen).sum())
+            parts.setdefault(name, []).append((rows[seen], place[seen]))
+            if len(parts) > MOST_POINTS:
+                notes.append(Note(f"{table.topic} has over {MOST_POINTS} points: not feature "
+                                  "points, not used"))  # fmt: skip
+                return []
+    if not _named(table) and len({_count(group) for group in table.groups}) > 1:
+        text = f"{table.topic} has now more, now fewer points and no names for them: not used"
+        notes.append(Note(text))
+        return []
+    if hidden:
+        notes.append(Note(f"{table.topic} point hidden, without a sample", hidden))
+    return [_offer(table, name, parts[name], notes) for name in sorted(parts, key=_rank)]
+
+
+def _offer(table: Table, name: str, parts: list[tuple[Ints, Array]], notes: list[Note]) -> Offer:
+    rows = np.concatenate([rows for rows, _ in parts])
+    y = np.concatenate([place for _, place in parts])
+    order = np.argsort(rows, kind="stable")
+    rows, y = rows[order], y[order]
+    if "vicon" in table.type and len(y) and np.median(np.linalg.norm(y, axis=1)) > MILLIMETRES:
+        notes.append(Note(f"{table.topic} in millimetres, by its size", doubt=True))
+        y = y * 1e-3
+    stamp = np.zeros(len(table.record), np.int64)
+    for group in table.groups:
+        path = "header.stamp" if group.has("header.stamp.sec") else "markers.0.header.stamp"
+        if group.has(f"{path}.sec"):
+            stamp[group.rows] = group.stamp(path)
+    frame = text_of(table, "header.frame_id")
+    return Offer("point", table.topic, table.type, table.record[rows], stamp[rows], y, frame,
+                 name=name)  # fmt: skip
+
+
+def _taker(type_: str) -> Callable[[Group], Iterator[Part]]:
+    if type_ == "sensor_msgs/msg/PointCloud2":
+        return _cloud
+    if type_ == "geometry_msgs/msg/PoseArray":
+        return _poses
+    return _markers
+
+
+def _named(table: Table) -> bool:
+    if table.type == "sensor_msgs/msg/PointCloud2":
+        return any("id" in _fields(g) or "label" in _fields(g) for g in table.groups)
+    return PurePosixPath(table.type).name != "PoseArray"
+
+
+def _count(group: Group) -> int:
+    """Return how many points the messages of a group have."""
+    if group.has("width"):
+        return int(group.numbers("width")[0]) * int(group.numbers("height")[0])
+    return group.length("poses")
+
+
+def _rank(name: str) -> tuple[bool, int, str]:
+    """Order names as people count: 2 before 10."""
+    number = int(name) if name.lstrip("-").isdecimal() and len(name) < 20 else None
+    return number is None, number or 0, name
+
+
+def _poses(group: Group) -> Iterator[Part]:
+    for i in range(group.length("poses")):
+        yield str(i), group.rows, group.vector(f"poses.{i}.position")
+
+
+def _markers(group: Group) -> Iterator[Part]:
+    """Take markers by whatever their message calls name and place."""
+    for i in range(group.length("markers")):
+        path = f"markers.{i}"
+        name = next((n for n in _NAMES if group.has(f"{path}.{n}")), None)
+        place = next((p for p in _PLACES if group.has(f"{path}.{p}.x")), None)
+        if name is None or place is None:
+            return
+        xyz = group.vector(f"{path}.{place}")
+        xyz[_unseen(group, path)] = np.nan
+        for text, rows in _texts(group, f"{path}.{name}"):
+            yield text, group.rows[rows], xyz[rows]
+
+
+def _unseen(group: Group, path: str) -> NDArray[np.bool_]:
+    """Mark markers that are occluded, or that a display is told to take away."""
+    unseen = np.zeros(len(group.rows), np.bool_)
+    if group.has(f"{path}.occluded"):
+        unseen |= group.numbers(f"{path}.occluded") != 0
+    if group.has(f"{path}.action"):
+        unseen |= group.numbers(f"{path}.action") != 0
+    return unseen
+
+
+def _texts(group: Group, path: str) -> list[tuple[str, Ints]]:
+    """Return the different values of a text or a number, and which rows have each."""
+    if group.layout.places[path].format.startswith("S"):
+        return group.texts(path)
+    different, which = np.unique(group.numbers(path), return_inverse=True)
+    return [(str(value), np.flatnonzero(which == i)) for i, value in enumerate(different)]
+
+
+def _fields(group: Group) -> dict[str, tuple[int, int]]:
+    """Return offset and type of each field of a cloud, as its first message has them."""
+    fields = {}
+    for i in range(group.length("fields")):
+        name = group.texts(f"fields.{i}.name")[0][0]
+        offset = int(group.numbers(f"fields.{i}.offset")[0])
+        fields[name] = (offset, int(group.numbers(f"fields.{i}.datatype")[0]))
+    return fields
+
+
+def _cloud(group: Group) -> Iterator[Part]:
+    """Take a cloud's points apart: by ``id`` or ``label``, else by their order."""
+    fields, count, step = _fields(group), _count(group), int(group.numbers("point_step")[0])
+    same = _alike(group)
+    raw = group.numbers("data").reshape(len(group.rows), -1)[same]
+    if count > MOST_POINTS or not count or count * step > raw.shape[1]:
+        return
+    order = ">" if group.numbers("is_bigendian")[0] else "<"
+    each = np.ascontiguousarray(raw[:, : count * step]).reshape(len(raw), count, step)
+    columns = [_column(each, fields.get(name), _FLOATS, order) for name in "xyz"]
+    if any(column is None for column in columns):
+        return
+    xyz = np.stack([column for column in columns if column is not None], axis=2)
+    names = _column(each, fields.get("id", fields.get("label")), _NUMBERS, order)
+    rows = group.rows[same]
+    if names is None:
+        yield from ((str(i), rows, xyz[:, i]) for i in range(count))
+        return
+    for name in np.unique(names[np.isfinite(names)])[: MOST_POINTS + 1]:
+        at, place = np.nonzero(names == name)
+        yield f"{name:g}", rows[at], xyz[at, place]
+
+
+def _alike(group: Group) -> NDArray[np.bool_]:
+    """Mark the messages whose points are laid out as those of the first."""
+    same = np.ones(len(group.rows), np.bool_)
+    told = ["width", "height", "point_step", "is_bigendian"]
+    for i in range(group.length("fields")):
+        told += [f"fields.{i}.{what}" for what in ("offset", "datatype")]
+    for path in told:
+        values = group.numbers(path)
+        same &= values == values[0]
+    return same
+
+
+def _column(
+    each: NDArray[np.uint8], field: tuple[int, int] | None, known: dict[int, str], order: str
+) -> Array | None:
+    """Return one field of every point, shape (messages, points)."""
+    if field is None or field[1] not in known:
+        return None
+    form = np.dtype(order + known[field[1]])
+    end = field[0] + form.itemsize
+    if end > each.shape[2]:
+        return None
+    raw = np.ascontiguousarray(each[:, :, field[0] : end])
+    return raw.view(form)[:, :, 0].astype(np.float64)
