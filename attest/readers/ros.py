@@ -30,6 +30,7 @@ def recognises(head: bytes, path: Path) -> bool:
     return ros_files.recognises(head, path)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of numbers that damage made, and that are dropped
 def read(path: Path, options: ReadOptions) -> Recording:
     """Read the topics that give the signals.
 

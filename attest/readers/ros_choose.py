@@ -55,6 +55,8 @@ def choose(
         if role in topics:
             chosen[role] = named(path, held, role, topics[role])
             continue
+        if role == "accel" and "gyro" in chosen:  # one unit for both, where it has both
+            held = [offer for offer in held if offer.topic == chosen["gyro"].topic] or held
         if role == "velocity":
             held = [offer for offer in held if _is_in_world(offer, chosen.get("gyro"), notes)]
         if held:
@@ -104,7 +106,7 @@ def _tell(role: str, chosen: Mapping[str, Offer], held: Sequence[Offer], notes: 
     """Say which topics were there to choose from."""
     topic = chosen[role].topic
     others = sorted({offer.topic for offer in held} - {topic})
-    if others and not (role == "accel" and topic == chosen["gyro"].topic):
+    if others:
         text = f"{role} from {topic}, not {', '.join(others)}: --set input.topics.{role}=TOPIC"
         notes.append(Note(f"{text} takes another"))
 

@@ -3,6 +3,7 @@
 import sqlite3
 from collections.abc import Sequence
 from contextlib import closing
+from itertools import islice
 from operator import methodcaller
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ MAGIC = b"SQLite format 3\0"
 _TABLES = "SELECT count(*) FROM sqlite_master WHERE name IN ('messages', 'topics') AND {plain}"
 _PLAIN = "type = 'table' AND sql LIKE 'CREATE TABLE%' AND sql NOT LIKE '%GENERATED%'"
 """No view and no computed column: those run what the file says, for as long as it likes."""
+_HEAD, _SMALLEST_PAGE = 100, 512
 _ROWS = 4096
 _STEPS = 100_000
 """Between looks at how long a query works; SQLite's own steps."""
@@ -28,15 +30,30 @@ def read(path: Path, crate: Crate) -> None:
     wal = path.with_name(path.name + "-wal")
     if wal.is_file() and wal.stat().st_size:
         crate.damage[f"{wal.name} beside the log not read: the log was not closed"] = 1
-    # immutable: nothing is locked, and no file is made beside a log
-    uri = f"{path.absolute().as_uri()}?immutable=1&mode=ro"
     try:
-        with closing(sqlite3.connect(uri, uri=True)) as connection:
+        with closing(_opened(path, size)) as connection:
             _guard(connection, size)
             _read(connection, crate)
-    except (sqlite3.Error, OverflowError) as error:
+    except (sqlite3.Error, ValueError, OverflowError) as error:
         text = f"database broken ({str(error)[:60]}), read as far as it goes"
         crate.damage[text] += 1
+
+
+def _opened(path: Path, size: int) -> sqlite3.Connection:
+    """Open a database; SQLite does not, where the file is shorter than its head says."""
+    with path.open("rb") as file:
+        head = file.read(_HEAD)
+    page = int.from_bytes(head[16:18], "big")
+    page = 1 << 16 if page == 1 else page
+    if page < _SMALLEST_PAGE or int.from_bytes(head[28:32], "big") * page <= size:
+        # immutable: nothing is locked, and no file is made beside a log
+        return sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1&mode=ro", uri=True)
+    data = bytearray(path.read_bytes()[: size // page * page])
+    data[18:20] = b"\1\1"  # no journal
+    data[28:32] = (size // page).to_bytes(4, "big")
+    connection = sqlite3.connect(":memory:")
+    connection.deserialize(bytes(data))
+    return connection
 
 
 def _guard(connection: sqlite3.Connection, size: int) -> None:
@@ -100,16 +117,31 @@ def _messages(connection: sqlite3.Connection, topics: dict[Any, Topic], crate: C
     """Read the messages of all wanted topics in one pass."""
     query = f"SELECT topic_id, timestamp, data FROM messages WHERE {_among(topics)}"  # noqa: S608
     cursor = connection.execute(query, list(topics))
-    while (rows := cursor.fetchmany(_ROWS)) and not crate.full:
-        numbers, stamps, data = _columns(rows, crate)
-        for number in set(numbers):
-            if len(set(numbers)) == 1:
-                own = stamps, data
-            else:
-                mine = [i for i, other in enumerate(numbers) if other == number]
-                own = [stamps[i] for i in mine], [data[i] for i in mine]
-            topics[number].seen += len(own[0])
-            topics[number].extend(*own)
+    broken: sqlite3.Error | None = None
+    while broken is None and not crate.full:
+        rows: list[Any] = []
+        try:
+            rows.extend(islice(cursor, _ROWS))
+        except sqlite3.Error as error:
+            broken = error  # once what came before it is taken in
+        if not rows:
+            break
+        _take(rows, topics, crate)
+    if broken is not None:
+        raise broken
+
+
+def _take(rows: list[Any], topics: dict[Any, Topic], crate: Crate) -> None:
+    """Hand some rows to their topics."""
+    numbers, stamps, data = _columns(rows, crate)
+    for number in set(numbers):
+        if len(set(numbers)) == 1:
+            own = stamps, data
+        else:
+            mine = [i for i, other in enumerate(numbers) if other == number]
+            own = [stamps[i] for i in mine], [data[i] for i in mine]
+        topics[number].seen += len(own[0])
+        topics[number].extend(*own)
 
 
 def _columns(rows: list[Any], crate: Crate) -> tuple[Sequence[Any], Sequence[int], Sequence[bytes]]:
