@@ -8,20 +8,18 @@ import numpy as np
 
 from attest.errors import ReadError
 from attest.geometry import quaternion
-from attest.readers import ros_axes, ros_choose, ros_clock, ros_decode, ros_files, ros_points
+from attest.readers import ros_axes, ros_choose, ros_clock, ros_decoded, ros_files
 from attest.readers.options import ReadOptions
 from attest.readers.ros_clock import Lag
-from attest.readers.ros_decode import Array, Ints, Table
-from attest.readers.ros_offers import OFFERS, Offer
-from attest.readers.ros_topics import Crate, Topic
+from attest.readers.ros_decode import Array, Ints
+from attest.readers.ros_decoded import Decoded
+from attest.readers.ros_offers import Offer
 from attest.readers.ros_units import in_tesla
 from attest.recording import Clock, Note, Recording, Reference, Signal, World
 
 UNIX = 10**18
 """Nanoseconds, the year 2001: later stamps are unix time."""
 UNIT_TOLERANCE = 1e-3
-_ODD = (KeyError, ValueError, IndexError, TypeError)
-"""What comes of a message whose definition is not that of its name."""
 _IN_BODY = ("accel", "mag", "torque")
 
 
@@ -39,10 +37,12 @@ def read(path: Path, options: ReadOptions) -> Recording:
     ReadError
         There is no gyroscope, or not what the options ask for.
     """
-    form, crate = ros_files.read(path)
+    decoded = Decoded()
+    form, crate = ros_files.read(path, decoded.settle)
     notes = [Note(text, count, doubt=True) for text, count in crate.damage.items()]
     counts = {(topic.name, topic.type): topic.seen for topic in crate.topics.values()}
-    offers = _offers(crate, notes)
+    notes += [*ros_decoded.skipped(crate.topics.values()), *decoded.told()]
+    offers = ros_choose.usable(decoded.offers(), notes)
     topics = dict(options.topics or {})
     if options.imu is not None:
         topics = {"gyro": options.imu, "accel": options.imu} | topics
@@ -79,51 +79,6 @@ class _Log:
     notes: list[Note]
     lag: Lag | None
     """How far the recorder's clock is ahead of the gyroscope's."""
-
-
-def _offers(crate: Crate, notes: list[Note]) -> list[Offer]:
-    """Decode every topic that gives something, and drop its bytes at once."""
-    found: list[Offer] = []
-    for topic in crate.topics.values():
-        _tell_of(topic, notes)
-        if topic.wanted and (table := _decoded(topic, notes)) is not None:
-            try:
-                found += _offered(table, notes)
-            except _ODD:
-                notes.append(Note(f"{topic.name} is not as {topic.type} should be: not used",
-                                  doubt=True))  # fmt: skip
-        topic.data = bytearray()
-    return ros_choose.usable(found, notes)
-
-
-def _tell_of(topic: Topic, notes: list[Note]) -> None:
-    if topic.encoding == "other" and topic.seen:
-        notes.append(Note(f"{topic.name} in an encoding that attest cannot decode: skipped"))
-    if topic.too_large:
-        notes.append(Note(f"{topic.name} cloud too large for feature points: skipped",
-                          topic.too_large))  # fmt: skip
-
-
-def _decoded(topic: Topic, notes: list[Note]) -> Table | None:
-    if not topic.record:
-        return None
-    table = ros_decode.decode(topic)
-    if table is None:
-        notes.append(Note(f"{topic.name} skipped: no definition of {topic.type} that can be read"))
-        return None
-    if table.broken:
-        heavy = table.broken > 0.05 * len(table.record)
-        notes.append(Note(f"{topic.name} message that is not as defined, dropped", table.broken,
-                          doubt=heavy))  # fmt: skip
-    if table.assumed:
-        notes.append(Note(f"{topic.type} taken as ROS and PX4 define it: the log does not"))
-    return table if len(table) else None
-
-
-def _offered(table: Table, notes: list[Note]) -> list[Offer]:
-    if table.type in OFFERS:
-        return list(OFFERS[table.type](table))
-    return ros_points.points(table, notes)
 
 
 def _world(offers: Sequence[Offer], gyro: Offer, options: ReadOptions, notes: list[Note]) -> World:
@@ -203,7 +158,7 @@ def _references(log: _Log) -> dict[str, Reference]:
         offer
         for offer in log.offers
         if offer.role == "reference"
-        and ros_choose.is_attitude(offer, gyro)
+        and ros_choose.is_attitude(offer)
         and (offer.frame, offer.child) not in known
         and not (ros_choose.OWN in offer.topic and offer.type.endswith("/Imu"))
     ]

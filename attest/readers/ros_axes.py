@@ -1,5 +1,6 @@
 """Frames: which rotations the log knows between sensors, and the axes of body and world."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -12,6 +13,8 @@ from attest.recording import Note, World
 
 STILL = 1e-6
 """A transform whose quaternion moves by no more than this is fixed, on whatever topic."""
+WORLDS = re.compile(r"map|world|odom|earth|enu|ned|utm|origin|global|local|inertial")
+"""Names of frames that stand still."""
 WORLD = np.array([0.0, np.sqrt(0.5), np.sqrt(0.5), 0.0])
 """Turns north-east-down into east-north-up, and back."""
 BODY = np.array([0.0, 1.0, 0.0, 0.0])
@@ -22,10 +25,13 @@ Fixed = Mapping[tuple[str, str], Array]
 
 
 def fixed(offers: Sequence[Offer]) -> dict[tuple[str, str], Array]:
-    """Return the transforms between frames that do not move."""
+    """Return the transforms between frames that do not move; a body at rest is none of them."""
     found = {}
     for offer in offers:
-        if offer.role == "reference" and _is_tree(offer) and len(offer.y) and is_still(offer):
+        if offer.role != "reference" or not is_tree(offer):
+            continue
+        static = offer.topic.endswith("tf_static") or not WORLDS.search(offer.frame.lower())
+        if static and is_still(offer):
             found[offer.frame, offer.child] = quaternion.normalize(offer.y[0])
     return {pair: q for pair, q in found.items() if np.isfinite(q).all()}
 
@@ -35,7 +41,8 @@ def is_still(offer: Offer) -> bool:
     return bool(np.abs(offer.y - offer.y[0]).max() <= STILL)
 
 
-def _is_tree(offer: Offer) -> bool:
+def is_tree(offer: Offer) -> bool:
+    """Whether it is one of a tree of transforms."""
     return offer.type.endswith(("/TFMessage", "/tfMessage"))
 
 

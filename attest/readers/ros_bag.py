@@ -58,7 +58,7 @@ def read(path: Path, crate: Crate) -> None:
         for header, start, length in _records(file, size, crate):
             if (op := _op(header)) == FILE_HEADER:
                 _indexed(file, header, size, connections, crate)
-            elif op == CHUNK and not crate.full:
+            elif op == CHUNK and crate.has_room():
                 file.seek(start)
                 _chunk(file.read(length), header, connections, crate)
 
@@ -123,7 +123,7 @@ def _indexed(
         crate.damage["bag without an index, as it was not closed: read from front to back"] = 1
         return
     file.seek(index)
-    for head, start, length in _records(file, size, Crate(0)):
+    for head, start, length in _records(file, size, Crate(0, lambda _: 0)):
         if _op(head) != CONNECTION:
             return
         file.seek(start)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from attest.errors import ReadError
+from attest.readers.ros_axes import WORLDS, is_tree
 from attest.readers.ros_offers import Offer, is_placeholder
 from attest.recording import Kind, Note
 
@@ -24,7 +25,6 @@ LAB = re.compile(r"vicon|optitrack|natnet|mocap|motion_?capture|qualisys|vrpn|ph
 """Worlds whose heading is their own, and not north."""
 ON_BOARD = re.compile(r"base|body|imu|fcu|link|sensor")
 """Frames that move with the vehicle."""
-WORLDS = re.compile(r"map|world|odom|earth|enu|ned|utm|origin|global|local|inertial")
 
 
 def usable(offers: Iterable[Offer], notes: list[Note]) -> list[Offer]:
@@ -141,17 +141,16 @@ def kind(offer: Offer, notes: list[Note]) -> Kind:
 _ON_BOARD_TYPES = {"sensor_msgs/msg/Imu", "px4_msgs/msg/VehicleAttitude"}
 
 
-def is_attitude(offer: Offer, gyro: Offer) -> bool:
+def is_attitude(offer: Offer) -> bool:
     """Whether a transform of a tree is a body's against the world, and not a joint's."""
-    if offer.child == "" or not offer.type.lower().endswith("tfmessage"):
+    if not is_tree(offer):
         return True
     if offer.child.startswith("reference/") and offer.frame == "world":
         return False  # attest's own, which it gives as poses too
     against = WORLDS.search(offer.frame.lower()) or TRUTH.search(offer.frame.lower())
-    return bool(against) and not WORLDS.fullmatch(offer.child.lower()) and gyro is not None
+    return bool(against) and not WORLDS.fullmatch(offer.child.lower())
 
 
 def rank(offer: Offer, worth: Kind, gyro: Offer) -> tuple[bool, bool, bool, int, str]:
     """Order references, the best first: truth, the gyroscope's own topic, by count."""
-    tree = offer.type.lower().endswith("tfmessage")
-    return worth != "truth", tree, offer.topic != gyro.topic, -len(offer.y), offer.name
+    return worth != "truth", is_tree(offer), offer.topic != gyro.topic, -len(offer.y), offer.name

@@ -118,7 +118,7 @@ def _messages(connection: sqlite3.Connection, topics: dict[Any, Topic], crate: C
     query = f"SELECT topic_id, timestamp, data FROM messages WHERE {_among(topics)}"  # noqa: S608
     cursor = connection.execute(query, list(topics))
     broken: sqlite3.Error | None = None
-    while broken is None and not crate.full:
+    while broken is None and crate.has_room():
         rows: list[Any] = []
         try:
             rows.extend(islice(cursor, _ROWS))

@@ -1,13 +1,14 @@
 """The files of a ROS log: told by their first bytes, a folder by its ``metadata.yaml``."""
 
 import tempfile
+from collections.abc import Callable, Iterable
 from pathlib import Path, PurePosixPath
 
 import yaml
 import zstandard
 
 from attest.errors import ReadError
-from attest.readers.ros_topics import UNPACK_ERRORS, ZSTD, Crate
+from attest.readers.ros_topics import UNPACK_ERRORS, ZSTD, Crate, Topic
 
 METADATA = "metadata.yaml"
 LARGEST_METADATA = 1 << 20
@@ -35,16 +36,14 @@ def storage(folder: Path) -> list[Path]:
     return [path for path in files if _form(_first(path)) or _first(path)[:4] == ZSTD]
 
 
-def read(path: Path) -> tuple[str, Crate]:
-    """Return which container it is, and its messages by topic."""
-    if path.is_file():
-        crate = Crate(path.stat().st_size)
-        return _read(path, crate), crate
-    files = storage(path)
-    crate = Crate(sum(file.stat().st_size for file in files))
-    for name in _missing(path, files):
+def read(path: Path, settle: Callable[[Iterable[Topic]], int]) -> tuple[str, Crate]:
+    """Return which container it is, and its topics, their messages handed to be decoded."""
+    files = [path] if path.is_file() else storage(path)
+    crate = Crate(sum(file.stat().st_size for file in files), settle)
+    for name in _missing(path, files) if path.is_dir() else ():
         crate.damage[f"{name}, which {METADATA} names, is not in the folder"] = 1
     forms = [_read(file, crate) for file in files]
+    crate.close()
     return forms[0], crate
 
 

@@ -71,7 +71,7 @@ def _read_all(file: BinaryIO, size: int, mcap: _Mcap) -> bool:
             record = _parsed(opcode, file.read(min(length, size)))
             if not isinstance(record, Chunk):
                 mcap.declare(record)
-            elif mcap.crate.full:
+            elif not mcap.crate.has_room():
                 return True
             else:
                 _chunk(record, mcap)

@@ -25,8 +25,11 @@ _NAMES = ("marker_name", "name", "id", "marker_index", "index")
 _PLACES = ("translation", "position", "pose.position", "point")
 
 
-def points(table: Table, notes: list[Note]) -> list[Offer]:
-    """Return an offer for each feature point of a topic; none where the points have no names."""
+def points(table: Table, notes: list[Note]) -> tuple[list[Offer], int]:
+    """Return an offer for each feature point of a topic, and how often one was hidden.
+
+    There is none where the points have no names and their number changes.
+    """
     take = _taker(table.type)
     parts: dict[str, list[tuple[Ints, Array]]] = {}
     hidden = 0
@@ -38,14 +41,12 @@ def points(table: Table, notes: list[Note]) -> list[Offer]:
             if len(parts) > MOST_POINTS:
                 notes.append(Note(f"{table.topic} has over {MOST_POINTS} points: not feature "
                                   "points, not used"))  # fmt: skip
-                return []
+                return [], 0
     if not _named(table) and len({_count(group) for group in table.groups}) > 1:
         text = f"{table.topic} has now more, now fewer points and no names for them: not used"
         notes.append(Note(text))
-        return []
-    if hidden:
-        notes.append(Note(f"{table.topic} point hidden, without a sample", hidden))
-    return [_offer(table, name, parts[name], notes) for name in sorted(parts, key=_rank)]
+        return [], 0
+    return [_offer(table, name, parts[name], notes) for name in sorted(parts, key=_rank)], hidden
 
 
 def _offer(table: Table, name: str, parts: list[tuple[Ints, Array]], notes: list[Note]) -> Offer:

@@ -3,7 +3,7 @@
 import bz2
 from array import array
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -18,6 +18,8 @@ Encoding = Literal["ros1", "cdr", "other"]
 ZSTD = b"\x28\xb5\x2f\xfd"
 LARGEST_CLOUD = 1 << 16
 """Bytes; a larger cloud of points is a scan, and holds no feature points."""
+BLOCK = 48 << 20
+"""Bytes of messages that are held before they are decoded: the numbers take less room."""
 UNPACK_ERRORS = (OSError, ValueError, EOFError, RuntimeError, zstandard.ZstdError)
 """What bz2, lz4 and zstd raise over bytes that are not theirs."""
 _MEGABYTE = 1 << 20
@@ -60,6 +62,10 @@ class Topic:
         self.data += b"".join(messages)
         self.record.extend(stamps)
 
+    def clear(self) -> None:
+        """Drop the messages."""
+        self.data, self.ends, self.record = bytearray(), array("q"), array("q")
+
 
 class Intake:
     """The messages of one chunk, handed to their topics at its end: at once is quicker."""
@@ -87,11 +93,14 @@ class Crate:
     file's size, and what is unpacked on the way too.
     """
 
-    def __init__(self, size: int) -> None:
+    def __init__(self, size: int, settle: Callable[[Iterable[Topic]], int]) -> None:
         self.topics: dict[tuple[str, ...], Topic] = {}
         self.damage: Counter[str] = Counter()
         """What could not be read, counted."""
-        self.largest_chunk = 2 * size + 64 * _MEGABYTE
+        self.settle = settle
+        """Decodes what topics hold so far, drops it, and returns the bytes that stay."""
+        self.settled = 0
+        self.largest_chunk = size + 64 * _MEGABYTE
         self.room = 6 * size + 96 * _MEGABYTE
         self.effort = 250 * size + 256 * _MEGABYTE
 
@@ -103,14 +112,18 @@ class Crate:
         key = (name, type_, encoding, text)
         return self.topics.setdefault(key, Topic(name, type_, encoding, text, form))
 
-    @property
-    def full(self) -> bool:
-        """Whether no more may be taken in; noted where it is so."""
-        kept = sum(len(topic.data) for topic in self.topics.values())
-        if self.effort > 0 and kept <= self.room:
-            return False
+    def has_room(self) -> bool:
+        """Whether more may be taken in, once what is held is decoded; noted where not."""
+        if sum(len(topic.data) for topic in self.topics.values()) > BLOCK:
+            self.settled += self.settle(self.topics.values())
+        if self.effort > 0 and self.settled <= self.room:
+            return True
         self.damage["log that unpacks to far more than its size, read in part"] = 1
-        return True
+        return False
+
+    def close(self) -> None:
+        """Decode what is left."""
+        self.settled += self.settle(self.topics.values())
 
     def unpack(self, data: bytes, compression: str, limit: int) -> bytes | None:
         """Return a chunk in plain; None, and a count, where it is broken or too large."""
