@@ -23,6 +23,9 @@ BLOCK = 48 << 20
 UNPACK_ERRORS = (OSError, ValueError, EOFError, RuntimeError, zstandard.ZstdError)
 """What bz2, lz4 and zstd raise over bytes that are not theirs."""
 _MEGABYTE = 1 << 20
+CHUNK, ROOM, EFFORT = (1, 64 * _MEGABYTE), (6, 96 * _MEGABYTE), (250, 256 * _MEGABYTE)
+"""What one chunk, all numbers, and all that is unpacked may take: so many times the file's size,
+and so many bytes more."""
 
 
 @dataclass(slots=True, eq=False)
@@ -100,9 +103,9 @@ class Crate:
         self.settle = settle
         """Decodes what topics hold so far, drops it, and returns the bytes that stay."""
         self.settled = 0
-        self.largest_chunk = size + 64 * _MEGABYTE
-        self.room = 6 * size + 96 * _MEGABYTE
-        self.effort = 250 * size + 256 * _MEGABYTE
+        self.largest_chunk, self.room, self.effort = (
+            times * size + more for times, more in (CHUNK, ROOM, EFFORT)
+        )
 
     def topic(
         self, name: str, type_: str, encoding: Encoding, definition: tuple[str, str]

@@ -15,6 +15,7 @@ from ros_logs import IMU, KINDS, START, Log, compass, flight, xyz
 
 from attest import readers
 from attest.errors import ReadError
+from attest.readers import ros_db3, ros_topics
 
 MEGABYTE = 1 << 20
 
@@ -233,3 +234,29 @@ def test_a_folder_that_lacks_a_file_says_so(tmp_path):
     assert doubts(recording) == {"gone_1.db3, which metadata.yaml names, is not in the folder": 1}
     (path / "metadata.yaml").write_text(":\n- [")
     assert recording.signals["gyro"].t[0] == readers.read(path).signals["gyro"].t[0] == START
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_long_log_is_decoded_in_blocks_to_the_same(tmp_path, monkeypatch, kind):
+    log = compass(flight(Log(kind), count=300), count=150)
+    for t in range(3):
+        log.add("/poses", "geometry_msgs/msg/PoseArray", t, poses=[{"position": xyz(1, 2, 3)}])
+    path = log.write(tmp_path)
+    whole = readers.read(path)
+    monkeypatch.setattr(ros_topics, "BLOCK", 5000)
+    monkeypatch.setattr(ros_db3, "_ROWS", 20)
+    parts = readers.read(path)
+    assert parts.notes == whole.notes
+    for name, signal in whole.signals.items():
+        np.testing.assert_array_equal(parts.signals[name].t, signal.t)
+        np.testing.assert_array_equal(parts.signals[name].y, signal.y)
+
+
+def test_a_log_that_unpacks_to_far_more_than_its_size_is_read_in_part(tmp_path, monkeypatch):
+    path = flight(Log("mcap-ros1"), count=3000).write(tmp_path)
+    monkeypatch.setattr(ros_topics, "BLOCK", 5000)
+    assert len(readers.read(path).signals["gyro"].t) == 3000
+    monkeypatch.setattr(ros_topics, "ROOM", (1, 0))
+    recording = readers.read(path)
+    assert 100 < len(recording.signals["gyro"].t) < 3000
+    assert doubts(recording) == {"log that unpacks to far more than its size, read in part": 1}
