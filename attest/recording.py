@@ -81,7 +81,8 @@ class Recording:
 
     Signals by name: ``gyro`` rad/s, ``accel`` m/s² (specific force), ``mag`` tesla, and what the
     log has besides: ``velocity`` m/s in the world, ``position`` (latitude and longitude in degrees,
-    altitude in m), ``torque`` N·m in the body, and any further direction measured in the body.
+    altitude in m), ``torque`` N·m in the body, points ``point1``, ``point2`` and so on (m, in their
+    sensor's frame), and any further direction measured in the body.
     """
 
     path: Path

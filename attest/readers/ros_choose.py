@@ -33,6 +33,9 @@ def usable(offers: Iterable[Offer], notes: list[Note]) -> list[Offer]:
     for offer in offers:
         finite = np.isfinite(offer.y).all(axis=1)
         real = offer.y if finite.all() else offer.y[finite]
+        if offer.empty and len(offer.y):
+            text = f"{offer.topic} {offer.role} without a value dropped"
+            notes.append(Note(text, offer.empty))
         if not len(real):
             if len(offer.y):
                 notes.append(Note(f"{offer.topic} {offer.role} without a finite value: not used"))

@@ -17,7 +17,7 @@ _TABLES = "SELECT count(*) FROM sqlite_master WHERE name IN ('messages', 'topics
 _PLAIN = "type = 'table' AND sql LIKE 'CREATE TABLE%' AND sql NOT LIKE '%GENERATED%'"
 """No view and no computed column: those run what the file says, for as long as it likes."""
 _HEAD, _SMALLEST_PAGE = 100, 512
-_ROWS = 4096
+_ROWS = 1024
 _STEPS = 100_000
 """Between looks at how long a query works; SQLite's own steps."""
 _is_packed = methodcaller("startswith", ZSTD)

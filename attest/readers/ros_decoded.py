@@ -49,6 +49,7 @@ class Decoded:
                 record=np.concatenate([part.record for part in parts]),
                 stamp=np.concatenate([part.stamp for part in parts]),
                 y=np.concatenate([part.y for part in parts]),
+                empty=sum(part.empty for part in parts),
             )
 
     def told(self) -> list[Note]:

@@ -40,15 +40,19 @@ class Offer:
     name: str = ""
     """Of a reference, or of a point."""
     axes: Axes = "rep103"
+    empty: int = 0
+    """Messages that say themselves that they hold no such value."""
 
 
 def imu(table: Table) -> Iterator[Offer]:
     """Rate, specific force and orientation; a covariance of -1 says that one is not there."""
+    when = stamped(table)
     for role, path in (("gyro", "angular_velocity"), ("accel", "linear_acceleration")):
-        yield _measured(table, role, path, _held(table, f"{path}_covariance"))
+        y = gathered(table, lambda group, path=path: group.vector(path))
+        yield _offer(table, role, y, _held(table, f"{path}_covariance"), when)
     q = gathered(table, lambda group: quaternions(group, "orientation"))
     held = _held(table, "orientation_covariance") & np.any(q != 0.0, axis=1)
-    yield _attitude(table, "orientation", held, "")
+    yield replace(_offer(table, "reference", q, held, when), name=table.topic)
 
 
 def magnetic_field(table: Table) -> Iterator[Offer]:
@@ -74,7 +78,7 @@ def odometry(table: Table) -> Iterator[Offer]:
     """Attitude, and the velocity, which is in the body, turned to the world."""
     from attest.geometry import quaternion
 
-    yield _attitude(table, "pose.pose.orientation", None, "child_frame_id")
+    yield _attitude(table, "pose.pose.orientation", "child_frame_id")
     q = gathered(table, lambda group: quaternions(group, "pose.pose.orientation"))
     speed = gathered(table, lambda group: group.vector("twist.twist.linear"))
     size = np.linalg.norm(q, axis=1)
@@ -96,22 +100,22 @@ def wrench(table: Table) -> Iterator[Offer]:
 
 def pose(table: Table) -> Iterator[Offer]:
     """Attitude."""
-    yield _attitude(table, "pose.orientation", None, "")
+    yield _attitude(table, "pose.orientation")
 
 
 def pose_with_covariance(table: Table) -> Iterator[Offer]:
     """Attitude."""
-    yield _attitude(table, "pose.pose.orientation", None, "")
+    yield _attitude(table, "pose.pose.orientation")
 
 
 def transform(table: Table) -> Iterator[Offer]:
     """Attitude of the child frame."""
-    yield _attitude(table, "transform.rotation", None, "child_frame_id")
+    yield _attitude(table, "transform.rotation", "child_frame_id")
 
 
 def quaternion_stamped(table: Table) -> Iterator[Offer]:
     """Attitude."""
-    yield _attitude(table, "quaternion", None, "")
+    yield _attitude(table, "quaternion")
 
 
 def sensor_combined(table: Table) -> Iterator[Offer]:
@@ -174,7 +178,7 @@ def is_placeholder(q: Array) -> bool:
     return bool(np.all(np.abs(q[:, 1:]) < IDENTITY) and np.all(np.abs(q[:, 0]) > 0.5))
 
 
-def gathered(table: Table, take: Callable[[Group], NDArray[np.generic]]) -> Array:
+def gathered(table: Table, take: Callable[..., NDArray[np.generic]]) -> Array:
     """Return a value of every message, in the order of the table's messages."""
     if len(table.groups) == 1:
         return np.asarray(take(table.groups[0]))
@@ -218,22 +222,28 @@ def _held(table: Table, path: str) -> NDArray[np.bool_]:
     return held
 
 
-def _measured(table: Table, role: str, path: str, held: NDArray[np.bool_] | None = None) -> Offer:
-    return _offer(table, role, gathered(table, lambda group: group.vector(path)), held)
+def _measured(table: Table, role: str, path: str) -> Offer:
+    return _offer(table, role, gathered(table, lambda group: group.vector(path)))
 
 
-def _attitude(table: Table, path: str, held: NDArray[np.bool_] | None, child: str) -> Offer:
+def _attitude(table: Table, path: str, child: str = "") -> Offer:
     q = gathered(table, lambda group: quaternions(group, path))
-    offer = _offer(table, "reference", q, held)
+    offer = _offer(table, "reference", q)
     return replace(offer, name=table.topic, child=text_of(table, child) if child else "")
 
 
-def _offer(table: Table, role: str, y: Array, held: NDArray[np.bool_] | None) -> Offer:
-    record, stamp = stamped(table)
+def _offer(
+    table: Table,
+    role: str,
+    y: Array,
+    held: NDArray[np.bool_] | None = None,
+    when: tuple[Ints, Ints] | None = None,
+) -> Offer:
+    record, stamp = when or stamped(table)
+    frame, empty = text_of(table, "header.frame_id"), 0
     if held is not None and not held.all():
-        record, stamp, y = record[held], stamp[held], y[held]
-    frame = text_of(table, "header.frame_id")
-    return Offer(role, table.topic, table.type, record, stamp, y, frame)
+        record, stamp, y, empty = record[held], stamp[held], y[held], int((~held).sum())
+    return Offer(role, table.topic, table.type, record, stamp, y, frame, empty=empty)
 
 
 def _px4(table: Table, role: str, path: str) -> Offer:
