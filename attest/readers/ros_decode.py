@@ -1,13 +1,13 @@
 """Messages of a topic decoded by array: those of one form at once, as columns of numbers."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from attest.readers import ros_layout
-from attest.readers.ros_layout import Layout, LayoutError
+from attest.readers.ros_layout import Blocks, Layout, LayoutError, Place
 from attest.readers.ros_topics import Topic
 from attest.readers.ros_types import PX4, Definitions
 
@@ -33,11 +33,24 @@ class Group:
 
     def has(self, path: str) -> bool:
         """Whether the messages have a field of numbers or a string."""
-        return path in self.layout.places
+        return self.layout.find(path) is not None
+
+    def place(self, path: str) -> Place:
+        """Return where a field lies.
+
+        Raises
+        ------
+        KeyError
+            The messages have none.
+        """
+        found = self.layout.find(path)
+        if found is None:
+            raise KeyError(path)
+        return found
 
     def numbers(self, path: str) -> NDArray[np.generic]:
         """Return a field, shape (n,), or (n, k) for an array of numbers."""
-        place = self.layout.places[path]
+        place = self.place(path)
         form = np.dtype(place.format)
         end = place.offset + place.count * form.itemsize
         raw = np.ascontiguousarray(self.bytes[:, place.offset : end])
@@ -46,7 +59,7 @@ class Group:
 
     def vector(self, path: str, names: str = "xyz") -> Array:
         """Return the fields of a vector or a quaternion as columns."""
-        places = [self.layout.places[f"{path}.{name}"] for name in names]
+        places = [self.place(f"{path}.{name}") for name in names]
         start = min(place.offset for place in places)
         columns = [(place.offset - start) // 8 for place in places]
         together = {place.format[1:] for place in places} == {"f8"} and sorted(columns) == list(
@@ -61,14 +74,14 @@ class Group:
 
     def first(self, path: str) -> NDArray[np.generic]:
         """Return the first number of an array, shape (n,)."""
-        place = self.layout.places[path]
+        place = self.place(path)
         form = np.dtype(place.format)
         end = place.offset + form.itemsize
         return np.ascontiguousarray(self.bytes[:, place.offset : end]).view(form)[:, 0]
 
     def texts(self, path: str) -> list[tuple[str, Ints]]:
         """Return the different texts of a string, and which rows have each."""
-        place = self.layout.places[path]
+        place = self.place(path)
         raw = np.ascontiguousarray(self.bytes[:, place.offset : place.offset + place.count])
         if not place.count or (raw == raw[0]).all():
             return [(_text(raw[0]), np.arange(len(raw)))]
@@ -135,12 +148,13 @@ class _Form:
     type: str
     encoding: str
     prefix: bool
+    blocks: Blocks = field(default_factory=dict)
 
     def walk(self, message: NDArray[np.uint8]) -> Layout | None:
         """Find every field; None where the message is not as defined."""
         try:
             return ros_layout.walk(
-                message.tobytes(), self.types, self.type, self.encoding, self.prefix
+                message.tobytes(), self.types, self.type, self.encoding, self.prefix, self.blocks
             )
         except LayoutError:
             return None
@@ -178,6 +192,8 @@ def _one_by_one(taken: NDArray[np.uint8], rows: Ints, left: Ints, form: _Form) -
 
 def _same(taken: NDArray[np.uint8], left: Ints, layout: Layout) -> NDArray[np.bool_]:
     """Mark the messages whose strings and sequences are as long as those of the layout."""
+    if len(left) == 1:
+        return np.ones(1, np.bool_)
     rows = taken if len(left) == len(taken) else taken[left]
     same = np.ones(len(rows), np.bool_)
     if layout.aligned:

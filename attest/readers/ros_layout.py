@@ -4,7 +4,9 @@ Messages whose strings and sequences are as long as another's have their fields 
 one walk then serves them all. Nothing is compiled from a definition, so it can run nothing.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from rosbags.interfaces import Nodetype
@@ -16,6 +18,7 @@ LARGEST_DEFINITION = 1 << 18
 """Characters; the longest in use is a tenth of this."""
 MOST_FIELDS = 20_000
 """In one message; there are as many steps to a walk."""
+_ZEROS = bytes(4096)
 DEEPEST = 20
 """Types within types."""
 _PARSE_ERRORS = (TypesysError, ValueError, LookupError, TypeError, AttributeError, RecursionError,
@@ -52,10 +55,25 @@ class Layout:
     aligned: bool
     places: dict[str, Place] = field(default_factory=dict)
     """By path, such as ``header.stamp.sec`` or ``transforms.0.child_frame_id``."""
+    blocks: dict[str, tuple[int, Mapping[str, Place]]] = field(default_factory=dict)
+    """Structures of fixed size by path: where each begins, and what lies where from there."""
     lengths: dict[str, int] = field(default_factory=dict)
     """How many items each sequence has."""
     fixed: list[tuple[int, int]] = field(default_factory=list)
     """Places and values of the lengths, which are the same in all messages of the form."""
+
+    def find(self, path: str) -> Place | None:
+        """Return where a field lies; None where the messages have no such numbers or text."""
+        if path in self.places:
+            return self.places[path]
+        outer = path
+        while outer:
+            outer = outer.rpartition(".")[0]
+            if outer in self.blocks:
+                start, places = self.blocks[outer]
+                inner = places.get(path[len(outer) + 1 :])
+                return inner and Place(inner.format, start + inner.offset, inner.count)
+        return None
 
 
 _TIMES = get_types_from_msg("int32 sec\nuint32 nanosec\n", "builtin_interfaces/msg/Time") | (
@@ -89,13 +107,21 @@ def _known(type_: str) -> Definitions | None:
     return FIELDDEFS if type_ in FIELDDEFS else None
 
 
-def walk(message: bytes, types: Definitions, type_: str, encoding: str, prefix: bool) -> Layout:
+Blocks = dict[tuple[str, int, str, bool], tuple[Mapping[str, Place], int] | None]
+"""Structures of fixed size by type, place within eight bytes, and encoding; None for others."""
+
+
+def walk(
+    message: bytes, types: Definitions, type_: str, encoding: str, prefix: bool, blocks: Blocks
+) -> Layout:
     """Find every field of a message.
 
     Parameters
     ----------
     prefix
         Whether more may follow that the definition does not know.
+    blocks
+        What is known of structures already, and added to.
 
     Raises
     ------
@@ -106,7 +132,7 @@ def walk(message: bytes, types: Definitions, type_: str, encoding: str, prefix: 
     if cdr and (len(message) < 4 or message[:2] not in {b"\0\0", b"\0\1"}):
         raise LayoutError("no plain CDR")
     layout = Layout("<" if not cdr or message[1] else ">", cdr)
-    walker = _Walker(message, types, layout, 4 if cdr else 0)
+    walker = _Walker(message, types, layout, 4 if cdr else 0, blocks)
     walker.structure(type_, "", 0)
     spare = len(message) - walker.at
     if spare < 0 or (spare > (3 if cdr else 0) and not prefix):
@@ -117,12 +143,25 @@ def walk(message: bytes, types: Definitions, type_: str, encoding: str, prefix: 
 class _Walker:
     """A place in a message, on its way through the definition."""
 
-    def __init__(self, message: bytes, types: Definitions, layout: Layout, start: int) -> None:
-        self.message, self.types, self.layout = message, types, layout
+    def __init__(
+        self,
+        message: bytes,
+        types: Definitions,
+        layout: Layout,
+        start: int,
+        blocks: Blocks | None = None,
+    ) -> None:
+        self.message, self.types, self.layout, self.blocks = message, types, layout, blocks
         self.at = self.start = start
 
     def structure(self, type_: str, path: str, depth: int) -> None:
-        """Walk the fields of a type."""
+        """Walk the fields of a type, or step over it where it has a fixed size."""
+        block = self.block(type_) if depth else None
+        if block is not None:
+            self.count()
+            self.layout.blocks[path] = self.at, block[0]
+            self.skip(block[1])
+            return
         if type_ not in self.types or depth > DEEPEST:
             raise LayoutError(f"{type_} is not defined")
         for name, (kind, what) in self.types[type_][1]:
@@ -183,10 +222,33 @@ class _Walker:
         self.layout.fixed.append((at, value))
         return value
 
+    def block(self, type_: str) -> tuple[Mapping[str, Place], int] | None:
+        """Return what lies where in a type of fixed size, found by walking zeros."""
+        if self.blocks is None:
+            return None
+        phase = (self.at - self.start) % 8
+        key = (type_, phase, self.layout.order, self.layout.aligned)
+        if key not in self.blocks:
+            layout = Layout(self.layout.order, self.layout.aligned)
+            walker = _Walker(_ZEROS, self.types, layout, 0)
+            walker.at = phase
+            with suppress(LayoutError):
+                walker.structure(type_, "", 1)
+                places = {path: replace(p, offset=p.offset - phase)
+                          for path, p in layout.places.items()}  # fmt: skip
+                self.blocks[key] = (places, walker.at - phase)
+            if layout.fixed:
+                self.blocks[key] = None
+        return self.blocks.setdefault(key, None)
+
+    def count(self) -> None:
+        """Refuse a message of too many fields."""
+        if len(self.layout.places) + len(self.layout.blocks) >= MOST_FIELDS:
+            raise LayoutError("too many fields")
+
     def place(self, path: str, form: str, count: int) -> None:
         """Note where a field lies."""
-        if len(self.layout.places) >= MOST_FIELDS:
-            raise LayoutError("too many fields")
+        self.count()
         self.layout.places[path] = Place(form, self.at, count)
 
     def align(self, size: int) -> None:

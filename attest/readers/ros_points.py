@@ -125,7 +125,7 @@ def _unseen(group: Group, path: str) -> NDArray[np.bool_]:
 
 def _texts(group: Group, path: str) -> list[tuple[str, Ints]]:
     """Return the different values of a text or a number, and which rows have each."""
-    if group.layout.places[path].format.startswith("S"):
+    if group.place(path).format.startswith("S"):
         return group.texts(path)
     different, which = np.unique(group.numbers(path), return_inverse=True)
     return [(str(value), np.flatnonzero(which == i)) for i, value in enumerate(different)]
