@@ -140,7 +140,7 @@ class Input(Section):
     vehicle: str | None = None
     """System id, or system/component, where a log has several vehicles."""
     world: Literal["ned", "enu"] | None = None
-    """World axes of a format that does not say; null is ned."""
+    """World axes of a format that does not say; null is enu for ROS, and ned for others."""
     start_s: Annotated[float | None, Field(ge=0)] = None
     """Leave out what is earlier than this, seconds from the log's first gyroscope sample."""
     end_s: Annotated[float | None, Field(gt=0)] = None

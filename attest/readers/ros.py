@@ -45,7 +45,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
     offers = ros_choose.usable(decoded.offers(), notes)
     topics = dict(options.topics or {})
     if options.imu is not None:
-        topics = {"gyro": options.imu, "accel": options.imu} | topics
+        topics = {"gyro": options.imu} | topics  # whose accelerometer is taken too
     chosen = ros_choose.choose(path, offers, topics, notes)
     if "gyro" not in chosen:
         raise ReadError(f"{path}: {_nothing(counts)}")

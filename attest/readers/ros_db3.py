@@ -13,9 +13,8 @@ from attest.readers.ros_types import ros2_name
 
 MAGIC = b"SQLite format 3\0"
 
-_TABLES = "SELECT count(*) FROM sqlite_master WHERE name IN ('messages', 'topics') AND {plain}"
-_PLAIN = "type = 'table' AND sql LIKE 'CREATE TABLE%' AND sql NOT LIKE '%GENERATED%'"
-"""No view and no computed column: those run what the file says, for as long as it likes."""
+_PLAIN = "SELECT count(*) FROM sqlite_master WHERE name = ? AND type = 'table'"
+_VIRTUAL = "SELECT count(*) FROM sqlite_master WHERE name = ? AND rootpage = 0"
 _HEAD, _SMALLEST_PAGE = 100, 512
 _ROWS = 1024
 _STEPS = 100_000
@@ -72,7 +71,7 @@ def _guard(connection: sqlite3.Connection, size: int) -> None:
 
 
 def _read(connection: sqlite3.Connection, crate: Crate) -> None:
-    if connection.execute(_TABLES.format(plain=_PLAIN)).fetchone() != (2,):
+    if not (_is_plain(connection, "messages") and _is_plain(connection, "topics")):
         crate.damage["database without the tables of a ROS 2 log"] += 1
         return
     texts = _definitions(connection)
@@ -87,8 +86,22 @@ def _read(connection: sqlite3.Connection, crate: Crate) -> None:
     _messages(connection, wanted, crate)
 
 
+def _is_plain(connection: sqlite3.Connection, table: str) -> bool:
+    """Whether a table is there, and is no view, has no computed column and no code behind it.
+
+    Those run what the file says, for as long as it likes.
+    """
+    if connection.execute(_PLAIN, (table,)).fetchone() != (1,):
+        return False
+    columns = connection.execute(f"PRAGMA table_xinfo({table})").fetchall()
+    shadowed = connection.execute(_VIRTUAL, (table,)).fetchone() != (0,)
+    return bool(columns) and not any(hidden for *_, hidden in columns) and not shadowed
+
+
 def _definitions(connection: sqlite3.Connection) -> dict[str, tuple[str, str]]:
     """Return the definitions that the log carries, none before ROS 2 Iron."""
+    if not _is_plain(connection, "message_definitions"):
+        return {}
     query = "SELECT topic_type, encoded_message_definition, encoding FROM message_definitions"
     try:
         rows = connection.execute(query).fetchall()

@@ -166,6 +166,10 @@ def test_a_length_is_not_believed(tmp_path):
         "r(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM r) "
         "SELECT 1 AS topic_id, i AS timestamp, zeroblob(1000000) AS data FROM r",
         "ALTER TABLE messages ADD COLUMN more BLOB GENERATED ALWAYS AS (zeroblob(500000000))",
+        "CREATE TABLE m AS SELECT * FROM messages; DROP TABLE messages; CREATE TABLE messages"
+        "(id, topic_id, timestamp, data AS (zeroblob(400000000))); "
+        "INSERT INTO messages SELECT id, topic_id, timestamp FROM m",
+        "DROP TABLE messages; CREATE VIRTUAL TABLE messages USING fts5(topic_id, timestamp, data)",
         "UPDATE messages SET data = NULL, timestamp = 'soon'",
         "UPDATE topics SET type = x'00ff', name = 17",
     ],
@@ -260,3 +264,16 @@ def test_a_log_that_unpacks_to_far_more_than_its_size_is_read_in_part(tmp_path, 
     recording = readers.read(path)
     assert 100 < len(recording.signals["gyro"].t) < 3000
     assert doubts(recording) == {"log that unpacks to far more than its size, read in part": 1}
+
+
+def test_definitions_that_never_end_are_not_asked_for(tmp_path):
+    path = file_of(flight(Log("db3")).write(tmp_path))
+    with sqlite3.connect(path) as connection:
+        connection.executescript(
+            "DROP TABLE message_definitions; CREATE VIEW message_definitions AS WITH RECURSIVE "
+            "r(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM r) SELECT 'a' AS topic_type, "
+            "'ros2msg' AS encoding, i AS encoded_message_definition FROM r"
+        )
+    connection.close()
+    recording = readers.read(path)
+    assert len(recording.signals["gyro"].t) == 50
