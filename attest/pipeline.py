@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -11,14 +11,17 @@ import numpy as np
 
 from attest import conditioning, config, evaluation, observers, readers, report, writers
 from attest.config import Configuration
+from attest.errors import AttestError, ReadError
 from attest.estimates import Estimates
 from attest.metrics import Metrics
 from attest.observers.observer import Observer
 from attest.readers.options import ReadOptions
-from attest.recording import Recording
-from attest.result import Result
+from attest.recording import Note, Recording
+from attest.result import Result, ranked
+from attest.samples import Samples
 
 OnStage = Callable[[str], None]
+Conditioned = tuple[Samples, tuple[Note, ...]]
 
 
 def configure(name: str, assignments: Sequence[str] = ()) -> Configuration:
@@ -57,12 +60,80 @@ def run(log: Path, configuration: Configuration, on_stage: OnStage | None = None
         The configuration does not suit the log.
     """
     timing: dict[str, float] = {}
-    observer = observers.get(configuration.observer)
     with _stage("reading", timing, on_stage):
         recording = read(log, configuration)
-        reference = evaluation.choose(recording, configuration.evaluation.reference)
+        evaluation.choose(recording, configuration.evaluation.reference)  # or refuse it now
     with _stage("conditioning", timing, on_stage):
-        samples, conditioned = conditioning.condition(recording, configuration)
+        conditioned = conditioning.condition(recording, configuration)
+    return _observe(recording, conditioned, configuration, timing, on_stage)
+
+
+def compare(
+    log: Path, configurations: Mapping[str, Configuration], on_stage: OnStage | None = None
+) -> tuple[list[Result], dict[str, str]]:
+    """Run several observers, by label, over one log that is read once.
+
+    Returns
+    -------
+    results
+        Of those that could run, the best first; their labels stand for the observers' names.
+    failed
+        Of the others, why not.
+
+    Raises
+    ------
+    ReadError
+        The log cannot be used, or by none of them.
+    """
+    recordings: dict[str, Recording] = {}
+    conditioned: dict[str, Conditioned] = {}
+    results: list[Result] = []
+    failed: dict[str, str] = {}
+    for label, configuration in configurations.items():
+        timing: dict[str, float] = {}
+        source, how = _alike(configuration)
+        try:
+            with _stage("reading", timing, on_stage):
+                if source not in recordings:
+                    recordings[source] = read(log, configuration)
+            with _stage("conditioning", timing, on_stage):
+                if how not in conditioned:
+                    conditioned[how] = conditioning.condition(recordings[source], configuration)
+            given = recordings[source], conditioned[how], configuration
+            results.append(_labelled(_observe(*given, timing, on_stage), label, timing))
+        except AttestError as error:
+            if not recordings:
+                raise
+            failed[label] = str(error)
+    if not results:
+        raise ReadError(f"{log}: no observer could run. {next(iter(failed.values()))}")
+    return ranked(results), failed
+
+
+def _alike(configuration: Configuration) -> tuple[str, str]:
+    """Return what two configurations share if they may share a recording, and samples."""
+    whole = config.effective(configuration)
+    keys = ("input", "conditioning", "vectors", "points")
+    source = json.dumps(whole["input"], sort_keys=True)
+    return source, json.dumps({key: whole.get(key) for key in keys}, sort_keys=True)
+
+
+def _labelled(result: Result, label: str, timing: Mapping[str, float]) -> Result:
+    named = replace(result, estimates=replace(result.estimates, observer=label))
+    return replace(named, summary=report.summarise(named, timing))
+
+
+def _observe(
+    recording: Recording,
+    conditioned: Conditioned,
+    configuration: Configuration,
+    timing: dict[str, float],
+    on_stage: OnStage | None,
+) -> Result:
+    """Estimate, evaluate, and say what came out."""
+    samples, notes = conditioned
+    observer = observers.get(configuration.observer)
+    reference = evaluation.choose(recording, configuration.evaluation.reference)
     with _stage("observing", timing, on_stage):
         estimates = observer.estimate(samples, configuration)
     with _stage("evaluating", timing, on_stage):
@@ -80,15 +151,22 @@ def run(log: Path, configuration: Configuration, on_stage: OnStage | None = None
         reference=reference,
         metrics=metrics,
         configuration=config.effective(configuration),
-        notes=(*recording.notes, *conditioned, *scored),
+        notes=(*recording.notes, *notes, *scored),
         summary={},
         claims=claims,
     )
     return replace(result, summary=report.summarise(result, timing))
 
 
-def write(result: Result, folder: Path, on_stage: OnStage | None = None) -> list[Path]:
-    """Write MCAP, Rerun and JSON of a run, and return their paths.
+def write(
+    results: Sequence[Result],
+    folder: Path,
+    on_stage: OnStage | None = None,
+    document: Mapping[str, object] | None = None,
+) -> list[Path]:
+    """Write MCAP, Rerun and JSON of the runs over one log, and return their paths.
+
+    The JSON is the run's summary, unless another document is given.
 
     Raises
     ------
@@ -97,7 +175,7 @@ def write(result: Result, folder: Path, on_stage: OnStage | None = None) -> list
     """
     if on_stage:
         on_stage("writing")
-    return list(writers.write(result, folder))
+    return list(writers.write(results, folder, document))
 
 
 def folder_for(result: Result, output: Path, logs: Sequence[Path]) -> Path:

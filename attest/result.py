@@ -1,6 +1,6 @@
 """One finished run: what every writer and report is given."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,3 +30,18 @@ class Result:
     """The JSON document of the run, ``schema: 1``."""
     claims: tuple[Claim, ...] = ()
     """What the theory promises, against what was seen."""
+
+
+def ranked(results: Sequence[Result]) -> list[Result]:
+    """Return the runs of several observers over one log, the best first.
+
+    By total RMSE against the reference; where there is none, by Wahba's mean cost, which tells of
+    consistency only.
+    """
+
+    def score(result: Result) -> float:
+        if result.metrics is None:
+            return float(result.estimates.cost.mean())
+        return result.metrics.total.rmse
+
+    return sorted(results, key=score)

@@ -128,7 +128,7 @@ def vae_step(R, omega, beta_hat, Omega_m, E, U, W, m, D, P, slope, h, solve):  #
 
     def implicit(omega_next):
         Omega_hat = Omega_m[1] - omega_next - beta_next  # (33)
-        return m * omega_next - expm(-h * hat(Omega_hat)) @ known  # (32)
+        return m * omega_next - exp(-h * Omega_hat) @ known  # (32)
 
     return R_next, solve(implicit, omega), beta_next
 

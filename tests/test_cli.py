@@ -182,7 +182,8 @@ def test_config_show_is_a_configuration_that_checks(tmp_path):
         shown = tmp_path / f"{name.replace('/', '_')}.yaml"
         shown.write_text(attest("config", "show", name).stdout)
         done = attest("config", "check", shown)
-        assert done.stdout == f"{shown}: right, for observer '{Path(name).name}'.\n"
+        observer = config.read(config.find(name))["observer"]
+        assert done.stdout == f"{shown}: right, for observer {observer!r}.\n"
 
 
 def test_config_schema_is_json_schema():
@@ -238,7 +239,8 @@ def test_kill_at_any_moment_leaves_whole_files_or_none(tmp_path, sample_logs, fi
         process.wait()
         for path in (out / "quadcopter").glob("[!.]*"):
             if path.suffix != ".json":  # its timing differs
-                assert path.stat().st_size == pytest.approx(whole[path.name], rel=0.001)
+                # row ids of the .rrd are random, and compress so or so
+                assert path.stat().st_size == pytest.approx(whole[path.name], rel=0.01)
     assert attest("run", log, "--output", out, "-q").returncode == 0
     assert sorted(p.name for p in (out / "quadcopter").iterdir()) == sorted(whole)  # no litter
 

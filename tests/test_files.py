@@ -33,7 +33,7 @@ module, name = sys.argv[2].rsplit(".", 1)
 real = getattr(sys.modules[module], name)
 write = write_rerun if sys.argv[1].endswith(".rrd") else write_mcap
 with mock.patch(sys.argv[2], die):
-    write(Path(sys.argv[1]), result(3000))
+    write(Path(sys.argv[1]), [result(3000)])
 """
 """Writes to the path in the first argument, and is killed at the nth call of a function."""
 

@@ -11,6 +11,7 @@ from typing import NoReturn
 import click
 
 import attest
+from attest.cli.compare import compare
 from attest.cli.config import configuration
 from attest.cli.info import info
 from attest.cli.observers import list_observers
@@ -84,5 +85,5 @@ def _complain(error: Exception, text: str, *, debug: bool) -> None:
     click.echo(f"attest: {' '.join(text.split())}", err=True)
 
 
-for command in (run, info, simulate, reproduce, list_observers, configuration):
+for command in (run, compare, info, simulate, reproduce, list_observers, configuration):
     cli.add_command(command)

@@ -25,13 +25,8 @@ def logs(named: Sequence[str]) -> list[Path]:
         if not path.is_dir():
             found.append(path)
             continue
-        shown = (p for p in sorted(path.rglob("[!.]*")) if p.is_file() and not _hidden(p, path))
-        inside = [p for p in shown if readers.is_log(p)]
+        inside = readers.logs_in(path)
         if not inside:
             raise ReadError(f"{path}: no log in this folder. Name a log, or a folder with logs.")
         found += inside
     return found
-
-
-def _hidden(path: Path, folder: Path) -> bool:
-    return any(part.startswith(".") for part in path.relative_to(folder).parts)

@@ -91,7 +91,7 @@ def _run_one(
     with progress(log.name, quiet=quiet) as on_stage:
         result = pipeline.run(log, configuration, on_stage)
         folder = pipeline.folder_for(result, output, logs)
-        written = pipeline.write(result, folder, on_stage)
+        written = pipeline.write([result], folder, on_stage)
     if as_json:
         text = written[-1].read_text(encoding="utf-8")
         # of several logs, a line each

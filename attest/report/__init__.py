@@ -2,7 +2,16 @@
 
 from attest.report.gains import text_of_observer
 from attest.report.info import describe, text_of_info
+from attest.report.ranking import rank, text_of_ranking
 from attest.report.summary import summarise
 from attest.report.table import text_of_run
 
-__all__ = ["describe", "summarise", "text_of_info", "text_of_observer", "text_of_run"]
+__all__ = [
+    "describe",
+    "rank",
+    "summarise",
+    "text_of_info",
+    "text_of_observer",
+    "text_of_ranking",
+    "text_of_run",
+]

@@ -34,7 +34,7 @@ _SCENARIOS = {
     "eso-6": "eso.noise_free",
     "eso-6-noise": "eso.noisy",
 }
-_ENCODERS = {".tlog": "tlog", ".csv": "csv"}
+_ENCODERS = {".tlog": "tlog", ".csv": "csv", ".bin": "dataflash", ".ulg": "ulog"}
 
 NAMES = tuple(_SCENARIOS)
 """The scenarios."""

@@ -1,15 +1,18 @@
-"""What a run leaves behind: MCAP, Rerun and JSON, each whole or not there."""
+"""What runs over one log leave behind: MCAP, Rerun and JSON, each whole or not there."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from attest.result import Result
 
 
-def write(result: Result, folder: Path) -> Iterator[Path]:
-    """Write every output of a run, each as the iterator reaches it, and yield its path.
+def write(
+    results: Sequence[Result], folder: Path, document: Mapping[str, object] | None = None
+) -> Iterator[Path]:
+    """Write every output, each as the iterator reaches it, and yield its path.
 
-    The JSON comes last: where it is, the others are.
+    One run is named for its observer, several are ``compare``. The JSON, a run's summary or the
+    document given, comes last: where it is, the others are.
 
     Raises
     ------
@@ -21,8 +24,13 @@ def write(result: Result, folder: Path) -> Iterator[Path]:
     from attest.writers.mcap import write_mcap
     from attest.writers.rerun import write_rerun
 
-    name = result.estimates.observer
-    for ending, write_one in (("mcap", write_mcap), ("rrd", write_rerun), ("json", write_json)):
-        path = folder / f"{name}.{ending}"
-        write_one(path, result)
-        yield path
+    name = results[0].estimates.observer if document is None else "compare"
+    path = folder / f"{name}.mcap"
+    write_mcap(path, results)
+    yield path
+    path = folder / f"{name}.rrd"
+    write_rerun(path, results)
+    yield path
+    path = folder / f"{name}.json"
+    write_json(path, results[0].summary if document is None else document)
+    yield path

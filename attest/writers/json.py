@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from attest.files import replacing
-from attest.result import Result
 
 
-def write_json(path: Path, result: Result) -> None:
-    """Write the run's summary.
+def write_json(path: Path, document: Mapping[str, object]) -> None:
+    """Write a summary.
 
     Raises
     ------
@@ -20,7 +19,7 @@ def write_json(path: Path, result: Result) -> None:
         The system refuses to write.
     """
     with replacing(path) as part:
-        text = to_json(result.summary, indent=2) + "\n"
+        text = to_json(document, indent=2) + "\n"
         # a lone surrogate, from a file name that is not UTF-8, becomes its JSON escape
         part.write_bytes(text.encode("utf-8", "backslashreplace"))
 

@@ -43,29 +43,33 @@ UNCOUNTED = 9
 """Bytes of a record before those that its length counts."""
 
 
-def write_mcap(path: Path, result: Result) -> None:
-    """Write everything about a run, as ROS 2 messages.
+def write_mcap(path: Path, results: Sequence[Result]) -> None:
+    """Write everything about the runs over one log, as ROS 2 messages.
 
     Raises
     ------
     WriteError
         The system refuses to write.
     """
-    every = streams(result)
+    every = streams(results)
     first = min((int(stream.t[0]) for stream in every), default=0)
     last = max((int(stream.t[-1]) for stream in every), default=0)
-    offset, clock = _message_clock(result.recording.clock, first, last)
+    offset, clock = _message_clock(results[0].recording.clock, first, last)
     with replacing(path) as part, part.open("wb") as stream:
         file = mcap_file.start(stream, f"attest {__version__}")
         topics = {stream.topic: stream.schema for stream in every}
         mcap_file.add_channels(file, topics, {name: definition(name) for name in topics.values()})
         for parts in _chunks(every, list(topics), offset):
             mcap_file.add_chunk(file, parts)
-        content = yaml.safe_dump(plain(result.configuration), sort_keys=False, allow_unicode=True)
-        mcap_file.add_attachment(
-            file, "configuration.yaml", "application/yaml", content.encode(), first + offset
-        )
-        for name, entries in {**_metadata(result), "attest/clock": clock}.items():
+        for result in results:
+            content = yaml.safe_dump(
+                plain(result.configuration), sort_keys=False, allow_unicode=True
+            )
+            name = f"{result.estimates.observer}.yaml" if len(results) > 1 else "configuration.yaml"
+            mcap_file.add_attachment(
+                file, name, "application/yaml", content.encode(), first + offset
+            )
+        for name, entries in {**_metadata(results), "attest/clock": clock}.items():
             mcap_file.add_metadata(file, name, entries)
         mcap_file.finish(file)
 
@@ -127,14 +131,16 @@ def _rows(stream: Stream, template: NDArray[np.void], part: slice, offset: int) 
     return Rows(int(template["channel"][0]), t, records)
 
 
-def _metadata(result: Result) -> dict[str, dict[str, str]]:
-    # less the timing, so that equal runs give equal bytes
-    summary = {key: value for key, value in result.summary.items() if key != "timing"}
-    return {
-        "attest/summary": dict(_flat(summary)),
-        "attest/configuration": dict(_flat(result.configuration)),
-        "attest/versions": dict(_flat(result.summary.get("versions", {}))),
-    }
+def _metadata(results: Sequence[Result]) -> dict[str, dict[str, str]]:
+    """Spell summaries and configurations; of several runs, each under its observer's name."""
+    found = {"attest/versions": dict(_flat(results[0].summary.get("versions", {})))}
+    for result in results:
+        # less the timing, so that equal runs give equal bytes
+        summary = {key: value for key, value in result.summary.items() if key != "timing"}
+        whose = f"/{result.estimates.observer}" if len(results) > 1 else ""
+        found[f"attest/summary{whose}"] = dict(_flat(summary))
+        found[f"attest/configuration{whose}"] = dict(_flat(result.configuration))
+    return found
 
 
 def _flat(value: object, path: str = "") -> Iterator[tuple[str, str]]:

@@ -4,6 +4,7 @@ Rerun stores rotations as float32; the MCAP is the lossless output. Its row ids 
 runs give equal content but not equal bytes.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 from uuid import NAMESPACE_URL, uuid5
 
@@ -12,8 +13,8 @@ from attest.result import Result
 from attest.writers.json import to_json
 
 
-def write_rerun(path: Path, result: Result) -> None:
-    """Write the run as a recording that opens with its own layout.
+def write_rerun(path: Path, results: Sequence[Result]) -> None:
+    """Write the runs over one log as a recording that opens with its own layout.
 
     Raises
     ------
@@ -24,12 +25,14 @@ def write_rerun(path: Path, result: Result) -> None:
     from attest.writers.rerun_recording import record
 
     with replacing(path) as part, part.open("wb") as file:
-        record(file, result, recording_id(result))
+        record(file, results, recording_id(results))
 
 
-def recording_id(result: Result) -> str:
-    """Name a run by its log, observer and configuration, so that it opens as the same recording."""
-    log = result.summary.get("log")
+def recording_id(results: Sequence[Result]) -> str:
+    """Name runs by log, observers and configurations, so that they open as the same recording."""
+    log = results[0].summary.get("log")
     identity = log.get("sha256") if isinstance(log, dict) else None
-    what = [identity or str(result.recording.path), result.estimates.observer]
-    return str(uuid5(NAMESPACE_URL, to_json([*what, result.configuration])))
+    what: list[object] = [identity or str(results[0].recording.path)]
+    for result in results:
+        what += [result.estimates.observer, result.configuration]
+    return str(uuid5(NAMESPACE_URL, to_json(what)))

@@ -13,7 +13,7 @@ from attest.writers.rerun_target import TIME
 EYE = (-2.0, -1.3, -1.1)
 """Behind, to the left and above the vehicle, north-east-down."""
 
-WIDE = {"error": 3.3, "euler": 4.9}
+WIDE = {"error": 3.3, "euler": 4.9, "error/total": 6.0}
 """Plots in full width, with their share of the height."""
 
 
@@ -59,6 +59,8 @@ def _plot(plot: Plot, axis: rrb.TimeAxis) -> rrb.TimeSeriesView:
     return rrb.TimeSeriesView(
         origin=plot.origin,
         name=plot.title,
-        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
+        plot_legend=rrb.PlotLegend(
+            corner=rrb.Corner2D.RightTop, visible=plot.origin in WIDE or not plot.several
+        ),
         axis_x=axis,
     )

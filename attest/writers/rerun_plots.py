@@ -40,6 +40,8 @@ class Plot:
     title: str
     origin: str
     series: tuple[Series, ...]
+    several: bool = False
+    """Whether its curves are those of several observers, whose names one plot tells for all."""
 
     def log(self, target: Target, restarts: NDArray[np.int64]) -> None:
         """Log the curves, which break at each restart, and their style."""
@@ -66,12 +68,12 @@ def _error(result: Result) -> Iterator[Plot]:
 def _euler(result: Result) -> Iterator[Plot]:
     t, q, metrics = result.estimates.t, result.estimates.q, result.metrics
     names = ("roll", "pitch", "yaw")
-    curves = [Series("euler/estimate", t, lambda: _euler_deg(q), names, VIVID)]
+    curves = [Series("euler/estimate", t, lambda: euler_deg(q), names, VIVID)]
     if metrics is not None:
         # drawn in the order of their names: a broad band below, so that both are seen
         named = [f"{name}, reference" for name in names]
         q_ref = metrics.q_ref
-        curves.append(Series("euler/against", t, lambda: _euler_deg(q_ref), named, PALE, 4.0))
+        curves.append(Series("euler/against", t, lambda: euler_deg(q_ref), named, PALE, 4.0))
     yield Plot("Euler angles [deg]", "euler", tuple(curves))
 
 
@@ -100,7 +102,8 @@ def _residual(result: Result) -> Iterator[Plot]:
     yield Plot("Residuals", "residual", (curve,))
 
 
-def _field(result: Result) -> Iterator[Plot]:
+def field(result: Result) -> Iterator[Plot]:
+    """Draw the strength of the field that the magnetometer saw."""
     if (mag := result.recording.signals.get("mag")) is None:
         return
     y = mag.y
@@ -119,14 +122,14 @@ def _torque(result: Result) -> Iterator[Plot]:
         yield _xyz("Disturbance torque [N·m]", "torque", result.estimates, lambda: torque)
 
 
-PLOTS = (_error, _euler, _bias, _rate, _residual, _field, _torque)
+PLOTS = (_error, _euler, _bias, _rate, _residual, field, _torque)
 
 
 def _xyz(title: str, entity: str, estimates: Estimates, values: Callable[[], Array]) -> Plot:
     return Plot(title, entity, (Series(entity, estimates.t, values, ("x", "y", "z"), VIVID),))
 
 
-def _euler_deg(q: Array) -> Array:
+def euler_deg(q: Array) -> Array:
     """Give roll, pitch and yaw in degrees, broken where an angle jumps by a turn."""
     angles = np.degrees(quaternion.to_euler(q))
     with np.errstate(invalid="ignore"):

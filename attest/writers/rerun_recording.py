@@ -2,7 +2,7 @@
 
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import BinaryIO
@@ -11,36 +11,39 @@ import rerun as rr
 
 from attest.result import Result
 from attest.writers.json import clean
+from attest.writers.rerun_comparison import plots_of_several
 from attest.writers.rerun_layout import layout
 from attest.writers.rerun_plots import plots
 from attest.writers.rerun_scene import log_scene
 from attest.writers.rerun_states import log_states
 from attest.writers.rerun_target import Target
-from attest.writers.summary_text import markdown
+from attest.writers.summary_text import markdown, markdown_of_several
 
 BLOCK = 1 << 20
 """Bytes copied at once."""
 
 
-def record(file: BinaryIO, result: Result, recording_id: str) -> None:
-    """Log a run and its layout to a file."""
+def record(file: BinaryIO, results: Sequence[Result], recording_id: str) -> None:
+    """Log runs over one log and their layout to a file."""
     recording = rr.RecordingStream("attest", recording_id=recording_id, send_properties=False)
     with _saved(recording, file), _strict():
-        _log(recording, result)
+        _log(recording, results)
 
 
-def _log(recording: rr.RecordingStream, result: Result) -> None:
-    t = result.estimates.t
-    target = Target(recording, result.recording.clock, int(t[0]) if len(t) else 0)
-    drawn = plots(result)
-    name = f"{result.recording.path.name} · {result.estimates.observer}"
-    recording.send_recording_name(clean(name))
-    recording.send_blueprint(layout(result, drawn, target.whole(t)))
-    target.static("summary", rr.TextDocument(clean(markdown(result)), media_type="text/markdown"))
-    log_scene(target, result)
+def _log(recording: rr.RecordingStream, results: Sequence[Result]) -> None:
+    first = results[0]
+    t = first.estimates.t
+    target = Target(recording, first.recording.clock, int(t[0]) if len(t) else 0)
+    drawn = plots(first) if len(results) == 1 else plots_of_several(results)
+    names = ", ".join(result.estimates.observer for result in results)
+    recording.send_recording_name(clean(f"{first.recording.path.name} · {names}"))
+    recording.send_blueprint(layout(first, drawn, target.whole(t)))
+    text = markdown(first) if len(results) == 1 else markdown_of_several(results)
+    target.static("summary", rr.TextDocument(clean(text), media_type="text/markdown"))
+    log_scene(target, results)
     for plot in drawn:
-        plot.log(target, result.samples.t[result.samples.restart])
-    log_states(target, result)
+        plot.log(target, first.samples.t[first.samples.restart])
+    log_states(target, results)
 
 
 @contextmanager

@@ -4,7 +4,8 @@ Measured vectors are logged in the body, so that the estimate turns them into th
 lie on the predicted ones, the estimate explains the measurement.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import cycle
 
 import numpy as np
 import rerun as rr
@@ -27,7 +28,17 @@ AXIS_NAMES = {"ned": ("N", "E", "D"), "enu": ("E", "N", "U")}
 VIVID: tuple[Color, ...] = ((239, 68, 68), (34, 197, 94), (59, 130, 246))
 PALE: tuple[Color, ...] = ((250, 190, 190), (190, 235, 200), (190, 210, 250))
 GREY: Color = (150, 155, 165)
-ESTIMATE: Color = (245, 158, 11)
+ESTIMATES: tuple[Color, ...] = (
+    (245, 158, 11),
+    (59, 130, 246),
+    (34, 197, 94),
+    (217, 70, 239),
+    (239, 68, 68),
+    (20, 184, 166),
+    (132, 204, 22),
+    (148, 163, 184),
+)
+"""One per observer, the best first."""
 REFERENCE: Color = (203, 213, 225)
 VECTORS: tuple[Color, ...] = ((236, 72, 153), (34, 211, 238), (163, 230, 53), (192, 132, 252))
 """One per measured direction, none of them an axis's."""
@@ -50,15 +61,19 @@ HELD = 1_000_000_000
 """For how long a measured vector is shown after its last sample, nanoseconds."""
 
 
-def log_scene(target: Target, result: Result) -> None:
-    """Log everything that the 3D view shows."""
-    target.static("world", UP[result.recording.world])
-    _log_world_axes(target, result.recording.world)
-    _log_estimate(target, result)
-    _log_reference(target, result)
-    for i in range(len(result.samples.names)):
-        _log_measured(target, result, i)
-        _log_predicted(target, result.samples, i)
+def log_scene(target: Target, results: Sequence[Result]) -> None:
+    """Log everything that the 3D view shows; the vectors as the first of the observers has them."""
+    first = results[0]
+    target.static("world", UP[first.recording.world])
+    _log_world_axes(target, first.recording.world)
+    _log_estimate(target, first)
+    for result, color in zip(results[1:], cycle(ESTIMATES[1:]), strict=False):
+        _log_other(target, result, color)
+    scored = next((result for result in results if result.metrics), first)
+    _log_reference(target, scored)
+    for i in range(len(first.samples.names)):
+        _log_measured(target, first, i)
+        _log_predicted(target, first.samples, i)
 
 
 def in_world(ned: tuple[float, float, float], world: World) -> tuple[float, float, float]:
@@ -79,6 +94,17 @@ def _log_world_axes(target: Target, world: World) -> None:
     target.static("world/axes", axes)
 
 
+def _log_other(target: Target, result: Result, color: Color) -> None:
+    """Show another observer's estimate as an outline with axes, all in its colour."""
+    entity = _vehicle(result)
+    _log_rotation(target, entity, result.estimates.t, result.estimates.q)
+    axes = rr.Arrows3D(vectors=0.9 * np.eye(3), radii=0.006, colors=[color] * 3)
+    target.static(f"{entity}/axes", axes)
+    centers, half_sizes = _airframe(result)
+    boxes = rr.Boxes3D(centers=centers, half_sizes=half_sizes, colors=[color], radii=0.004)
+    target.static(f"{entity}/airframe", boxes)
+
+
 def _log_estimate(target: Target, result: Result) -> None:
     estimates = result.estimates
     entity = _vehicle(result)
@@ -91,7 +117,7 @@ def _log_estimate(target: Target, result: Result) -> None:
     solid = rr.components.FillMode.Solid
     target.static(
         f"{entity}/airframe",
-        rr.Boxes3D(centers=centers, half_sizes=half_sizes, colors=[ESTIMATE], fill_mode=solid),
+        rr.Boxes3D(centers=centers, half_sizes=half_sizes, colors=[ESTIMATES[0]], fill_mode=solid),
     )
 
 

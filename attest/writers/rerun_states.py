@@ -1,6 +1,6 @@
 """The state timeline: gaps, convergence, rest, and which vectors are used."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 import rerun as rr
@@ -30,10 +30,21 @@ Lane = tuple[str, NDArray[np.str_], Mapping[str, Color]]
 """Its name, its state at each estimate, and the colours of the states."""
 
 
-def log_states(target: Target, result: Result) -> None:
-    """Log each lane's changes."""
-    t = result.estimates.t
-    for name, states, colors in _lanes(result):
+def log_states(target: Target, results: Sequence[Result]) -> None:
+    """Log each lane's changes; of several observers, each has its own for the run."""
+    for result in results[1:]:
+        _log_lanes(target, result.estimates.t, [_of_run(result, results)])
+    first = results[0]
+    _log_lanes(target, first.estimates.t, [_of_run(first, results), *_shared(first)])
+
+
+def _of_run(result: Result, results: Sequence[Result]) -> Lane:
+    name = "run" if len(results) == 1 else f"run/{topic_name(result.estimates.observer)}"
+    return name, _run(result), RUN
+
+
+def _log_lanes(target: Target, t: NDArray[np.int64], lanes: Iterable[Lane]) -> None:
+    for name, states, colors in lanes:
         entity = f"state/{name}"
         values = list(colors)
         target.static(
@@ -51,9 +62,9 @@ def _log_changes(
     target.rows(entity, at, lambda part: rr.StateChange.columns(state=values[part].tolist()))
 
 
-def _lanes(result: Result) -> Iterator[Lane]:
+def _shared(result: Result) -> Iterator[Lane]:
+    """Yield what is the same for every observer."""
     estimates = result.estimates
-    yield "run", _run(result), RUN
     turning = np.linalg.norm(estimates.angular_velocity, axis=1) > REST
     moving = recent(estimates.t, turning, REST_AFTER)
     yield "motion", np.where(moving, "moving", "rest"), {"moving": QUIET, "rest": GOOD}

@@ -1,7 +1,7 @@
 """The summary as Markdown, for a text panel."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from attest.metrics import Metrics, Statistics
 from attest.result import Result
@@ -22,6 +22,38 @@ def markdown(result: Result) -> str:
     """Say what was run, how good it was, and what to doubt."""
     parts = (_head(result), _scores(result), _promises(result), _notes(result), [SCENE])
     return "\n\n".join("\n".join(part) for part in parts) + "\n"
+
+
+def markdown_of_several(results: Sequence[Result]) -> str:
+    """Say how the observers did, the best first, and what to doubt."""
+    parts = (_ranking(results), _notes(results[0]), [SCENE])
+    return "\n\n".join("\n".join(part) for part in parts) + "\n"
+
+
+def _ranking(results: Sequence[Result]) -> Iterator[str]:
+    yield f"# {len(results)} observers on {escape(results[0].recording.path.name)}"
+    yield ""
+    metrics = results[0].metrics
+    if metrics is None:
+        yield "No reference: the order is that of Wahba's mean cost, consistency only."
+    else:
+        kind = KINDS.get(metrics.kind, escape(metrics.kind))
+        yield f"Against **{escape(metrics.reference)}** ({kind}):"
+    yield ""
+    yield "| observer | RMSE [deg] | heading | inclination | median | p95 | Wahba's cost |"
+    yield "|---|---:|---:|---:|---:|---:|---:|"
+    for result in results:
+        yield _ranked(result)
+
+
+def _ranked(result: Result) -> str:
+    scores = ["-"] * 5
+    if (m := result.metrics) is not None:
+        figures = (m.total.rmse, m.heading.rmse, m.inclination.rmse, m.total.median, m.total.p95)
+        scores = [f"{figure:.2f}" for figure in figures]
+    cost = float(result.estimates.cost.mean())
+    cells = (escape(result.estimates.observer), *scores, f"{cost:.3g}")
+    return f"| {' | '.join(cells)} |"
 
 
 def escape(text: str) -> str:

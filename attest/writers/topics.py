@@ -5,7 +5,7 @@ axes of the recording), and in it the body by the observer and by the reference.
 """
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,15 +46,29 @@ class Stream:
     """The values of the fields that change, each (n, …)."""
 
 
-def streams(result: Result) -> list[Stream]:
-    """Lay out every message of a run, topics without one left out."""
-    every = [
-        *_of_observer(result.estimates, result.recording, result.samples.names),
-        *(_of_metrics(result.metrics, result.estimates) if result.metrics else ()),
-        *_of_recording(result),
-    ]
+def streams(results: Sequence[Result]) -> list[Stream]:
+    """Lay out every message of the runs over one log, topics without one left out.
+
+    Reference and magnetometer are the same for all, and told once.
+    """
+    every = [stream for result in results for stream in _of_result(result)]
+    scored = next((result for result in results if result.metrics), None)
+    if scored is not None and scored.metrics is not None:
+        every += _of_reference(scored.metrics, scored.estimates)
+    every += _of_recording(results[0])
     filled = [stream for stream in every if len(stream.t)]
-    return [*_static(filled, result.recording.world), *filled]
+    return [*_static(filled, results[0]), *filled]
+
+
+def _of_result(result: Result) -> Iterator[Stream]:
+    yield from _of_observer(result.estimates, result.recording, result.samples.names)
+    if result.metrics is not None:
+        yield _error(result.metrics, result.estimates)
+
+
+def frames(estimates: Estimates) -> tuple[str, str]:
+    """Return the names of the frames that an attitude leads to and from."""
+    return estimates.frames or ("world", topic_name(estimates.observer))
 
 
 def topic_name(name: str) -> str:
@@ -66,31 +80,34 @@ def topic_name(name: str) -> str:
 def _of_observer(
     estimates: Estimates, recording: Recording, names: tuple[str, ...]
 ) -> Iterator[Stream]:
-    body = topic_name(estimates.observer)
-    topic, t = f"/attest/{body}", estimates.t
-    yield _transform("/tf", t, "world", body, estimates.q)
-    yield _pose(f"{topic}/pose", t, estimates.q)
+    world, body = frames(estimates)
+    topic, t = f"/attest/{topic_name(estimates.observer)}", estimates.t
+    yield _transform("/tf", t, world, body, estimates.q)
+    yield _pose(f"{topic}/pose", t, world, estimates.q)
     yield _imu(f"{topic}/imu", body, estimates, recording)
     if estimates.gyro_bias is not None:
         yield _vector(f"{topic}/bias", t, body, estimates.gyro_bias)
-    yield _vector(f"{topic}/euler", t, "world", np.degrees(quaternion.to_euler(estimates.q)))
+    yield _vector(f"{topic}/euler", t, world, np.degrees(quaternion.to_euler(estimates.q)))
     yield _state(f"{topic}/state", body, estimates, names)
     if (torque := estimates.states.get("disturbance_torque")) is not None:
         yield _vector(f"{topic}/torque", t, body, torque)
 
 
-def _of_metrics(metrics: Metrics, estimates: Estimates) -> Iterator[Stream]:
-    name = topic_name(metrics.reference)
+def _of_reference(metrics: Metrics, estimates: Estimates) -> Iterator[Stream]:
+    name, (world, _) = topic_name(metrics.reference), frames(estimates)
     held = np.isfinite(metrics.q_ref).all(axis=1)
     t, q = estimates.t[held], metrics.q_ref[held]
-    yield _transform("/tf", t, "world", f"reference/{name}", q)
-    yield _pose(f"/attest/reference/{name}/pose", t, q)
+    yield _transform("/tf", t, world, f"reference/{name}", q)
+    yield _pose(f"/attest/reference/{name}/pose", t, world, q)
+
+
+def _error(metrics: Metrics, estimates: Estimates) -> Stream:
     scored = np.isfinite(metrics.error_deg).all(axis=1)
-    yield _stamped(
+    return _stamped(
         f"/attest/{topic_name(estimates.observer)}/error",
         "attest_msgs/msg/AttitudeError",
         estimates.t[scored],
-        "world",
+        frames(estimates)[0],
         {"error": metrics.error_deg[scored]},
     )
 
@@ -104,18 +121,19 @@ def _of_recording(result: Result) -> Iterator[Stream]:
             "/attest/mag",
             "sensor_msgs/msg/MagneticField",
             mag.t[within],
-            topic_name(result.estimates.observer),
+            frames(result.estimates)[1],
             {"magnetic_field": mag.y[within]},
             (Field("covariance", "<f8", COVARIANCE),),
         )
 
 
-def _static(filled: list[Stream], world: World) -> list[Stream]:
+def _static(filled: list[Stream], result: Result) -> list[Stream]:
     """Tie the world axes to a map whose third axis is up, once, at the first message."""
     if not filled:
         return []
     first = np.array([min(stream.t[0] for stream in filled)])
-    return [_transform("/tf_static", first, "map", "world", np.array([WORLD_IN_MAP[world]]))]
+    world = np.array([WORLD_IN_MAP[result.recording.world]])
+    return [_transform("/tf_static", first, "map", frames(result.estimates)[0], world)]
 
 
 def _transform(topic: str, t: NDArray[np.int64], parent: str, child: str, q: Array) -> Stream:
@@ -130,9 +148,9 @@ def _transform(topic: str, t: NDArray[np.int64], parent: str, child: str, q: Arr
     return Stream(topic, "tf2_msgs/msg/TFMessage", t, fields, columns)
 
 
-def _pose(topic: str, t: NDArray[np.int64], q: Array) -> Stream:
+def _pose(topic: str, t: NDArray[np.int64], world: str, q: Array) -> Stream:
     fields = (
-        *_header("world"),
+        *_header(world),
         Field("position", "<f8", (3,)),
         Field("orientation", "<f8", (4,)),
     )

@@ -63,7 +63,7 @@ def main() -> None:
         taken = []
         for _ in range(3):
             began = time.perf_counter()
-            write_mcap(ours, made)
+            write_mcap(ours, [made])
             taken.append(time.perf_counter() - began)
         count, figures = per_message(min(taken), ours)
         sys.stdout.write(f"attest        {count:8d} messages: {figures}\n")

@@ -207,7 +207,7 @@ def test_world_as_the_user_declares_it(tmp_path):
 
 def test_own_results_read_back_and_are_called_estimates(tmp_path, sample_logs):
     result = pipeline.run(sample_logs / "quadcopter.tlog", pipeline.configure("fts"))
-    mcap = next(path for path in pipeline.write(result, tmp_path) if path.suffix == ".mcap")
+    mcap = next(path for path in pipeline.write([result], tmp_path) if path.suffix == ".mcap")
     recording = readers.read(mcap)
     assert recording.world == "ned"
     assert recording.references["/attest/fts/pose"].kind == "autopilot"

@@ -35,7 +35,7 @@ TOPICS = {
 
 def written(folder, made):
     path = folder / "fts.mcap"
-    write_mcap(path, made)
+    write_mcap(path, [made])
     return path
 
 
@@ -257,7 +257,7 @@ def test_equal_runs_give_equal_bytes_but_for_nothing(tmp_path):
     second = replace(first, summary={**first.summary, "timing": {"reading_s": 0.1234}})
     paths = [tmp_path / "a.mcap", tmp_path / "b.mcap"]
     for path, made in zip(paths, (first, second), strict=True):
-        write_mcap(path, made)
+        write_mcap(path, [made])
     assert paths[0].read_bytes() == paths[1].read_bytes()
 
 
@@ -329,7 +329,7 @@ def test_full_disk_is_one_line_and_leaves_the_old_file(made, tmp_path, monkeypat
 
     monkeypatch.setattr(mcap_file, "add_chunk", refuse)
     with pytest.raises(WriteError) as caught:
-        write_mcap(path, made)
+        write_mcap(path, [made])
     assert str(caught.value) == (
         f"{path}: cannot write: No space left on device. "
         "Free some space, or choose another folder with --output."
@@ -339,6 +339,6 @@ def test_full_disk_is_one_line_and_leaves_the_old_file(made, tmp_path, monkeypat
 
 
 def test_every_output_is_written_by_its_observers_name(made, tmp_path):
-    paths = list(writers.write(made, tmp_path / "flight"))
+    paths = list(writers.write([made], tmp_path / "flight"))
     assert [path.name for path in paths] == ["fts.mcap", "fts.rrd", "fts.json"]
     assert sorted(paths) == sorted((tmp_path / "flight").iterdir())

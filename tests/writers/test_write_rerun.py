@@ -24,7 +24,7 @@ REFERENCE = "/world/reference/SIMSTATE"
 
 def written(folder, made):
     path = folder / "fts.rrd"
-    write_rerun(path, made)
+    write_rerun(path, [made])
     return path
 
 
@@ -70,7 +70,7 @@ def test_rerun_verifies_the_recording(path):
 
 
 def test_rerun_converts_the_mcap(made, tmp_path):
-    write_mcap(tmp_path / "fts.mcap", made)
+    write_mcap(tmp_path / "fts.mcap", [made])
     done = rerun_command("mcap", "convert", tmp_path / "fts.mcap", "-o", tmp_path / "fts.rrd")
     assert done.returncode == 0, done.stderr
     assert "/attest/fts/pose" in entities(tmp_path / "fts.rrd")
@@ -123,9 +123,9 @@ def test_blueprint_is_inside(path):
 
 
 def test_recording_is_named_by_log_observer_and_configuration(made, path):
-    assert RrdReader(path).recordings()[0].recording_id == recording_id(made)
+    assert RrdReader(path).recordings()[0].recording_id == recording_id([made])
     other = replace(made, configuration={"gains": {"k_p": 3.0}})
-    assert recording_id(other) != recording_id(made) == recording_id(result(20))
+    assert recording_id([other]) != recording_id([made]) == recording_id([result(20)])
 
 
 def test_content_of_equal_runs_is_equal(made, path, tmp_path):
@@ -191,12 +191,12 @@ class FullDisk(io.BytesIO):
 
 def test_full_disk_is_told_at_once(made, capfd):
     with pytest.raises(OSError, match="No space left on device"):
-        record(FullDisk(), made, "full")
+        record(FullDisk(), [made], "full")
     assert capfd.readouterr() == ("", "")
 
 
 def test_error_while_logging_ends_the_recording(made, tmp_path, monkeypatch):
     monkeypatch.setattr("attest.writers.rerun_recording.log_states", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
-        write_rerun(tmp_path / "fts.rrd", made)
+        write_rerun(tmp_path / "fts.rrd", [made])
     assert not list(tmp_path.iterdir())
