@@ -66,9 +66,9 @@ def condition(recording: Recording, config: Configuration) -> tuple[Samples, tup
 
 def _torque(recording: Recording, line: Timeline, config: Conditioning) -> Array | None:
     """Interpolate the control torque, zero further from its samples than a vector is carried."""
-    if "torque" not in recording.signals:
+    torque = recording.signals.get("torque")
+    if torque is None or not len(torque.t):
         return None
-    torque = recording.signals["torque"]
     left, right = frame.nearest(torque.t, line.t)
     age = np.minimum(np.abs(line.t - torque.t[left]), np.abs(torque.t[right] - line.t))
     at = seconds(line.t, int(line.t[0])), seconds(torque.t, int(line.t[0]))

@@ -14,9 +14,10 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from attest.geometry import so3
+from attest.geometry import mat3, so3
 from attest.geometry.jit import kernel
-from attest.geometry.so3 import Matrix, Quaternion, Vector
+from attest.geometry.mat3 import Matrix
+from attest.geometry.so3 import Quaternion, Vector
 from attest.geometry.wahba import ZERO, outer_sum
 
 Array = NDArray[np.float64]
@@ -53,7 +54,8 @@ def _jacobi(N: Array, V: Array) -> None:
 @kernel
 def _rotate(N: Array, V: Array, i: int, j: int) -> None:
     """Make N[i, j] zero by a turn in that plane."""
-    if N[i, j] == 0.0:
+    if abs(N[i, j]) <= 1e-150 * (abs(N[i, i]) + abs(N[j, j])):  # whose square would overflow
+        N[i, j] = N[j, i] = 0.0
         return
     theta = 0.5 * (N[j, j] - N[i, i]) / N[i, j]
     tangent = (1.0 if theta >= 0.0 else -1.0) / (abs(theta) + sqrt(theta * theta + 1.0))
@@ -122,7 +124,7 @@ def attitude(E: Array, U: Array, weights: Array | None = None) -> Array:
     """
     w = np.ones(len(E)) if weights is None else weights
     C = (w[:, np.newaxis] * E).T @ U
-    L = so3.matrix_row(C.reshape(1, 9), 0)
+    L = mat3.matrix_row(C.reshape(1, 9), 0)
     return np.array(closest(L, (1.0, 0.0, 0.0, 0.0), np.empty((4, 4)), np.empty((4, 4))))
 
 

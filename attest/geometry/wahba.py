@@ -16,13 +16,16 @@ from math import asin, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from attest.geometry import so3
+from attest.geometry import mat3, so3
 from attest.geometry.jit import kernel
-from attest.geometry.so3 import Matrix, Vector
+from attest.geometry.mat3 import Matrix
+from attest.geometry.so3 import Vector
 
 Array = NDArray[np.float64]
 
 ZERO: Matrix = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+TINY = 1e-300
 
 MIN_SINE = 0.1
 """Two directions closer than this sine (5.7°) count as one: their cross product is mostly noise."""
@@ -64,13 +67,20 @@ def _inverse(G: Matrix) -> tuple[float, Matrix]:
 def _sine2(a: Vector, b: Vector) -> float:
     """Squared sine of the angle between two vectors."""
     pair = so3.cross(a, b)
-    return so3.dot(pair, pair) / (so3.dot(a, a) * so3.dot(b, b))
+    return so3.dot(pair, pair) / max(so3.dot(a, a) * so3.dot(b, b), TINY)
+
+
+@kernel
+def _close(a: Vector, b: Vector) -> bool:
+    """Tell whether two vectors are within `MIN_SINE` of each other, or one has no length."""
+    pair = so3.cross(a, b)
+    return bool(so3.dot(pair, pair) <= MIN_SINE * MIN_SINE * so3.dot(a, a) * so3.dot(b, b))
 
 
 @kernel
 def apart(U: Array, i: int, first: int, second: int) -> bool:
     """Tell whether two vectors of row i are further apart than `MIN_SINE`."""
-    return bool(_sine2(so3.item(U, i, first), so3.item(U, i, second)) >= MIN_SINE * MIN_SINE)
+    return not _close(so3.item(U, i, first), so3.item(U, i, second))
 
 
 @kernel
@@ -135,7 +145,7 @@ def _weighting(
         _, inverse = _inverse(outer_sum(G, e3, e3))
     for j in range(valid.shape[1] + 1):
         e = e3 if j == valid.shape[1] else so3.item(E, i, j)
-        column = so3.apply(inverse, e)
+        column = mat3.apply(inverse, e)
         for axis in range(3):
             A[j, axis] = K[axis] * column[axis]
     return first, second, joined
@@ -243,6 +253,7 @@ def _fill(
     """Fill rows of out with L and the cost's constant part, for steps that share their vectors."""
     first, second, joined = pair
     k = valid.shape[1]
+    inverse = (1.0 / K[0], 1.0 / K[1], 1.0 / K[2])
     for i in range(start, stop):
         L, constant = ZERO, 0.0
         lone = first >= 0 and second < 0
@@ -253,9 +264,9 @@ def _fill(
             if joined:
                 u1, u2 = so3.item(U, i, first), so3.item(U, i, second)
                 L = outer_sum(L, so3.row(A, k), so3.cross(u1, u2))
-                lone = _sine2(u1, u2) < MIN_SINE * MIN_SINE
-            constant = 0.5 * (K[0] + K[1] + K[2] + _weighted_norm(L, K))
-        M = so3.diagonal(K) if second >= 0 else ZERO
+                lone = _close(u1, u2)
+            constant = 0.5 * (K[0] + K[1] + K[2] + _weighted_norm(L, inverse))
+        M = mat3.diagonal(K) if second >= 0 else ZERO
         if lone:
             L, constant, w = _one_direction(e, so3.item(U, i, first), K)
             M = outer_sum(ZERO, so3.scale(w, e), e)
@@ -267,19 +278,19 @@ def _fill(
 
 
 @kernel
-def _weighted_norm(L: Matrix, K: Vector) -> float:
-    """Return <M, K M> with L = K M."""
+def _weighted_norm(L: Matrix, inverse: Vector) -> float:
+    """Return <M, K M> with L = K M, given the inverse of K."""
     return (
-        (L[0] ** 2 + L[1] ** 2 + L[2] ** 2) / K[0]
-        + (L[3] ** 2 + L[4] ** 2 + L[5] ** 2) / K[1]
-        + (L[6] ** 2 + L[7] ** 2 + L[8] ** 2) / K[2]
+        (L[0] ** 2 + L[1] ** 2 + L[2] ** 2) * inverse[0]
+        + (L[3] ** 2 + L[4] ** 2 + L[5] ** 2) * inverse[1]
+        + (L[6] ** 2 + L[7] ** 2 + L[8] ** 2) * inverse[2]
     )
 
 
 @kernel
 def residual(B: Matrix) -> Vector:
     """Return s_L = vex(L^T R - R^T L) with B = R^T L, [FTS] after (31)."""
-    return so3.vex2(so3.transpose(B))
+    return mat3.vex2(mat3.transpose(B))
 
 
 @kernel
@@ -292,7 +303,7 @@ def cost(constant: float, B: Matrix) -> float:
 def _vex_turned(A: Matrix, x: Vector) -> Vector:
     """Return vex(A^T hat(x) + hat(x) A) = (tr(A) I - A) x."""
     trace = A[0] + A[4] + A[8]
-    return so3.sub(so3.scale(trace, x), so3.apply(A, x))
+    return so3.sub(so3.scale(trace, x), mat3.apply(A, x))
 
 
 @kernel
@@ -301,4 +312,4 @@ def residual_rate(B: Matrix, Omega_hat: Vector, Omega_b: Vector) -> Vector:
 
     vex(L^T R hat(Omega_hat) + hat(Omega_hat) R^T L) - vex(R^T L hat(Omega_b) + hat(Omega_b) L^T R).
     """
-    return so3.sub(_vex_turned(B, Omega_hat), _vex_turned(so3.transpose(B), Omega_b))
+    return so3.sub(_vex_turned(B, Omega_hat), _vex_turned(mat3.transpose(B), Omega_b))

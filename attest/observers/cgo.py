@@ -22,9 +22,10 @@ from pydantic import Field
 
 from attest.config import Configuration, Section, VectorWeights
 from attest.estimates import Estimates
-from attest.geometry import so3, wahba
+from attest.geometry import mat3, so3, wahba
 from attest.geometry.jit import kernel
-from attest.geometry.so3 import Matrix, Quaternion, Vector
+from attest.geometry.mat3 import Matrix
+from attest.geometry.so3 import Quaternion, Vector
 from attest.observers.observer import (
     COLUMNS,
     Observer,
@@ -70,7 +71,7 @@ def step(
 ) -> tuple[State, Vector, Matrix]:
     """Advance q and beta_hat by h, all right sides at its beginning; also return s_L and B."""
     q, beta = state
-    B = so3.matmul(so3.transpose(so3.matrix(q)), L)
+    B = mat3.matmul(mat3.transpose(so3.matrix(q)), L)
     s = wahba.residual(B)  # -l
     Omega_hat = so3.sub(so3.sub(Omega_m, beta), so3.scale(k_p, s))
     after = (

@@ -22,9 +22,10 @@ from pydantic import Field, field_validator, model_validator
 from attest.claims import Claim
 from attest.config import Configuration, Initial, Section, Weights
 from attest.estimates import Estimates
-from attest.geometry import so3, wahba
+from attest.geometry import mat3, so3, wahba
 from attest.geometry.jit import kernel
-from attest.geometry.so3 import Matrix, Quaternion, Vector
+from attest.geometry.mat3 import Matrix
+from attest.geometry.so3 import Quaternion, Vector
 from attest.observers.observer import (
     COLUMNS,
     Observer,
@@ -159,11 +160,11 @@ def step(
         |s_L|, Wahba's cost and |Psi| before it.
     """
     q, Omega_hat, sigma = state
-    B = so3.matmul(so3.transpose(so3.matrix(q)), L)
+    B = mat3.matmul(mat3.transpose(so3.matrix(q)), L)
     s, w = wahba.residual(B), wahba.residual_rate(B, Omega_hat, Omega_m)  # (27)
     Omega_dot, sigma_dot, Psi = derivatives(s, w, so3.sub(Omega_m, Omega_hat), gains)
-    gyroscopic = so3.cross(so3.apply(J[0], Omega_m), Omega_m)
-    model = so3.add(so3.apply(J[1], so3.add(gyroscopic, tau)), sigma)
+    gyroscopic = so3.cross(mat3.apply(J[0], Omega_m), Omega_m)
+    model = so3.add(mat3.apply(J[1], so3.add(gyroscopic, tau)), sigma)
     after = (
         so3.multiply(q, so3.exp(so3.scale(h, Omega_hat))),
         so3.add(Omega_hat, so3.scale(h, so3.add(model, Omega_dot))),
@@ -186,17 +187,18 @@ def run(
 ) -> None:
     """Fold (30) over the steps; row i of out (n, 16) is the state before step i.
 
-    J is the inertia and its inverse; torque (n, 3) is held over a step. The columns of the bias
-    hold sigma_hat instead, the last one |Psi|.
+    J is the inertia and its inverse; torque, (n, 3) or (1, 3) where constant, is held over a step.
+    The columns of the bias hold sigma_hat instead, the last ones |Psi| and tau_d_hat = J sigma_hat.
     """
     state = start
     for i in range(len(h)):
         q, Omega_hat, sigma = state
-        tau = so3.row(torque, i)
-        Omega_m, L_i = mean_rate(gyro, i, 0, substeps[i]), so3.matrix_row(L, i)
+        tau = so3.row(torque, min(i, len(torque) - 1))
+        Omega_m, L_i = mean_rate(gyro, i, 0, substeps[i]), mat3.matrix_row(L, i)
         state, s_norm, cost, psi_norm = step(state, Omega_m, tau, L_i, L[i, 9], h[i], J, gains)
         record(out, i, q, Omega_hat, sigma, s_norm, cost)
         out[i, 12] = psi_norm
+        out[i, 13], out[i, 14], out[i, 15] = mat3.apply(J[0], sigma)
         for j in range(1, substeps[i]):
             Omega_m, L_j = mean_rate(gyro, i, j, substeps[i]), between(L, i, j, substeps[i])
             state, _, _, _ = step(state, Omega_m, tau, L_j, 0.0, h[i], J, gains)
@@ -211,9 +213,9 @@ def estimate(samples: Samples, config: Config) -> Estimates:
     both = _tuple(J), _tuple(np.asarray(np.linalg.inv(J), np.float64))
     beta = np.array(config.initial.bias)
     torque = _torque(samples, config)
-    out = np.empty((len(samples.t), COLUMNS + 1))
+    out = np.empty((len(samples.t), COLUMNS + 4))
     for part in segments(samples):
-        gyro = samples.gyro[part] - beta
+        gyro = samples.gyro[part] - beta if beta.any() else samples.gyro[part]
         q = initial_attitude(samples, part, config.initial)
         Omega_hat, sigma = gyro[0], np.zeros(3)
         if part.start == 0:
@@ -223,22 +225,31 @@ def estimate(samples: Samples, config: Config) -> Estimates:
         start = (so3.as_quaternion(q), so3.as_vector(Omega_hat), so3.as_vector(sigma))
         L = gain_matrices(samples, part, config.weights)
         h, substeps = steps(samples, part), samples.substeps[part]
-        run(h, substeps, gyro, torque[part], L, start, both, numbers, out[part])
+        run(
+            h,
+            substeps,
+            gyro,
+            torque[part] if len(torque) > 1 else torque,
+            L,
+            start,
+            both,
+            numbers,
+            out[part],
+        )
         refuse_divergence("eso", samples.t[part], out[part])
-    torque = np.einsum("ij,nj->ni", J, out[:, 7:10])  # a product of this shape wakes BLAS threads
-    states = {"disturbance_torque": torque, "psi_norm": out[:, 12]}
+    states = {"disturbance_torque": out[:, 13:16], "psi_norm": out[:, 12]}
     return estimates("eso", samples, out, bias=False, states=states)
 
 
 def _tuple(A: Array) -> Matrix:
-    return so3.matrix_row(A.reshape(1, 9), 0)
+    return mat3.matrix_row(A.reshape(1, 9), 0)
 
 
 def _torque(samples: Samples, config: Config) -> Array:
-    """Return the control torque at each step, zero where nothing tells it, shape (n, 3)."""
+    """Return the control torque, (n, 3), or (1, 3) where constant; zero where nothing tells it."""
     if config.plant.torque is not None:
-        return np.tile(np.array(config.plant.torque), (len(samples.t), 1))
-    return np.zeros((len(samples.t), 3)) if samples.torque is None else samples.torque
+        return np.array([config.plant.torque])
+    return np.zeros((1, 3)) if samples.torque is None else samples.torque
 
 
 def promises(samples: Samples, found: Estimates, config: Config) -> tuple[Claim, ...]:

@@ -22,9 +22,10 @@ from pydantic import Field
 from attest.claims import Claim
 from attest.config import Configuration, Section, Weights
 from attest.estimates import Estimates
-from attest.geometry import so3, wahba
+from attest.geometry import mat3, so3, wahba
 from attest.geometry.jit import kernel
-from attest.geometry.so3 import Matrix, Quaternion, Vector
+from attest.geometry.mat3 import Matrix
+from attest.geometry.so3 import Quaternion, Vector
 from attest.observers.observer import (
     COLUMNS,
     Observer,
@@ -121,7 +122,7 @@ def step(
     q, omega, beta = state
     Omega_b = so3.sub(Omega_m, beta)
     Omega_hat = so3.sub(Omega_b, omega)
-    B = so3.matmul(so3.transpose(so3.matrix(q)), L)
+    B = mat3.matmul(mat3.transpose(so3.matrix(q)), L)
     s, w = wahba.residual(B), wahba.residual_rate(B, Omega_hat, Omega_b)  # (48)
     beta_dot, omega_dot, Psi = derivatives(s, w, omega, gains)
     after = (
@@ -162,7 +163,7 @@ def run(
     state = start
     for i in range(len(h)):
         q, omega, beta = state
-        Omega_m, L_i = mean_rate(gyro, i, 0, substeps[i]), so3.matrix_row(L, i)
+        Omega_m, L_i = mean_rate(gyro, i, 0, substeps[i]), mat3.matrix_row(L, i)
         state, s_norm, cost, psi_norm = step(state, Omega_m, L_i, L[i, 9], h[i], gains)
         Omega_hat = so3.sub(so3.sub(so3.row(gyro, i), beta), omega)
         record(out, i, q, Omega_hat, beta, s_norm, cost)

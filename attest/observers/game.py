@@ -25,9 +25,10 @@ from pydantic import Field
 from attest.claims import Claim
 from attest.config import Configuration, Section, VectorWeights
 from attest.estimates import Estimates
-from attest.geometry import so3, wahba
+from attest.geometry import mat3, so3, wahba
 from attest.geometry.jit import kernel
-from attest.geometry.so3 import Matrix, Quaternion, Vector
+from attest.geometry.mat3 import Matrix
+from attest.geometry.so3 import Quaternion, Vector
 from attest.observers.observer import (
     COLUMNS,
     Observer,
@@ -84,19 +85,19 @@ def riccati(
     """Return P_a', P_c', P_b' with A = E - S, (83)-(85)."""
     P_a, P_c, P_b = P
     _, Q_Omega, Q_b = numbers
-    turning = so3.hat(so3.sub(so3.scale(2.0, Omega_b), P_a_l))
-    a = so3.plus(
-        so3.plus(
-            so3.diagonal((Q_Omega, Q_Omega, Q_Omega)), so3.symmetric(so3.matmul(P_a, turning))
+    turning = mat3.hat(so3.sub(so3.scale(2.0, Omega_b), P_a_l))
+    a = mat3.plus(
+        mat3.plus(
+            mat3.diagonal((Q_Omega, Q_Omega, Q_Omega)), mat3.symmetric(mat3.matmul(P_a, turning))
         ),
-        so3.plus(so3.matmul(so3.matmul(P_a, A), P_a), so3.times(-2.0, so3.symmetric(P_c))),
+        mat3.plus(mat3.matmul(mat3.matmul(P_a, A), P_a), mat3.times(-2.0, mat3.symmetric(P_c))),
     )  # (83)
-    turning = so3.hat(so3.sub(P_a_l, Omega_b))
-    A_P_c = so3.matmul(A, P_c)
-    c = so3.plus(
-        so3.plus(so3.matmul(turning, P_c), so3.matmul(P_a, A_P_c)), so3.times(-1.0, P_b)
+    turning = mat3.hat(so3.sub(P_a_l, Omega_b))
+    A_P_c = mat3.matmul(A, P_c)
+    c = mat3.plus(
+        mat3.plus(mat3.matmul(turning, P_c), mat3.matmul(P_a, A_P_c)), mat3.times(-1.0, P_b)
     )  # (84)
-    b = so3.plus(so3.diagonal((Q_b, Q_b, Q_b)), so3.matmul(so3.transpose(P_c), A_P_c))  # (85)
+    b = mat3.plus(mat3.diagonal((Q_b, Q_b, Q_b)), mat3.matmul(mat3.transpose(P_c), A_P_c))  # (85)
     return a, c, b
 
 
@@ -104,10 +105,10 @@ def riccati(
 def definite(P: Covariance) -> bool:
     """Tell whether [[P_a, P_c], [P_c^T, P_b]] is positive definite, by Schur's complement."""
     P_a, P_c, P_b = P
-    if not so3.positive(P_a):
+    if not mat3.positive(P_a):
         return False
-    inner = so3.matmul(so3.matmul(so3.transpose(P_c), so3.inverse(P_a)), P_c)
-    return so3.positive(so3.symmetric(so3.plus(P_b, so3.times(-1.0, inner))))
+    inner = mat3.matmul(mat3.matmul(mat3.transpose(P_c), mat3.inverse(P_a)), P_c)
+    return mat3.positive(mat3.symmetric(mat3.plus(P_b, mat3.times(-1.0, inner))))
 
 
 @kernel
@@ -125,23 +126,23 @@ def step(
     """
     q, beta, P, sound = state
     P_a, P_c, P_b = P
-    B = so3.matmul(so3.transpose(so3.matrix(q)), L)
+    B = mat3.matmul(mat3.transpose(so3.matrix(q)), L)
     residual = so3.scale(numbers[0], wahba.residual(B))  # l
-    P_a_l = so3.apply(P_a, residual)
+    P_a_l = mat3.apply(P_a, residual)
     Omega_b = so3.sub(Omega_m, beta)
     Omega_hat = so3.sub(Omega_b, P_a_l)
     q_after = so3.multiply(q, so3.exp(so3.scale(h, Omega_hat)))  # (82)
-    beta_after = so3.sub(beta, so3.scale(h, so3.apply(so3.transpose(P_c), residual)))  # (86)
+    beta_after = so3.sub(beta, so3.scale(h, mat3.apply(mat3.transpose(P_c), residual)))  # (86)
     if sound:
         trace = B[0] + B[4] + B[8]
-        A = so3.times(
-            numbers[0], so3.plus(so3.symmetric(B), so3.diagonal((-trace, -trace, -trace)))
+        A = mat3.times(
+            numbers[0], mat3.plus(mat3.symmetric(B), mat3.diagonal((-trace, -trace, -trace)))
         )  # (87)-(89)
         a, c, b = riccati(P, Omega_b, P_a_l, A, numbers)
         after = (
-            so3.symmetric(so3.plus(P_a, so3.times(h, a))),
-            so3.plus(P_c, so3.times(h, c)),
-            so3.symmetric(so3.plus(P_b, so3.times(h, b))),
+            mat3.symmetric(mat3.plus(P_a, mat3.times(h, a))),
+            mat3.plus(P_c, mat3.times(h, c)),
+            mat3.symmetric(mat3.plus(P_b, mat3.times(h, b))),
         )
         sound = definite(after)
         if sound:
@@ -187,9 +188,9 @@ def estimate(samples: Samples, config: Config) -> Estimates:
     for part in segments(samples):
         q = so3.as_quaternion(initial_attitude(samples, part, config.initial))
         P = (
-            so3.times(P_a, so3.IDENTITY),
-            so3.times(0.0, so3.IDENTITY),
-            so3.times(P_b, so3.IDENTITY),
+            mat3.times(P_a, mat3.IDENTITY),
+            mat3.times(0.0, mat3.IDENTITY),
+            mat3.times(P_b, mat3.IDENTITY),
         )
         start = (q, so3.as_vector(beta), P, True)
         L = gain_matrices(samples, part, config.weights)

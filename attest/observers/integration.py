@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from attest.config import Configuration, Section, Weights
 from attest.estimates import Estimates
-from attest.geometry import so3, wahba
+from attest.geometry import mat3, so3, wahba
 from attest.geometry.jit import kernel
 from attest.geometry.so3 import Quaternion, Vector
 from attest.observers.observer import (
@@ -47,8 +47,8 @@ def run(h: Array, gyro: Array, L: Array, start: Quaternion, beta: Vector, out: A
     """Fill row i of out (n, 12) with the attitude at step i; rates are linear between steps."""
     q = start
     for i in range(len(h)):
-        L_i = so3.matrix_row(L, i)
-        B = so3.matmul(so3.transpose(so3.matrix(q)), L_i)
+        L_i = mat3.matrix_row(L, i)
+        B = mat3.matmul(mat3.transpose(so3.matrix(q)), L_i)
         s = wahba.residual(B)
         Omega = so3.sub(so3.row(gyro, i), beta)
         record(out, i, q, Omega, beta, sqrt(so3.dot(s, s)), wahba.cost(L[i, 9], B))

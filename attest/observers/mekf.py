@@ -24,9 +24,10 @@ from pydantic import Field
 
 from attest.config import Configuration, Section, VectorWeights
 from attest.estimates import Estimates
-from attest.geometry import so3, wahba
+from attest.geometry import mat3, so3, wahba
 from attest.geometry.jit import kernel
-from attest.geometry.so3 import Matrix, Quaternion, Vector
+from attest.geometry.mat3 import Matrix
+from attest.geometry.so3 import Quaternion, Vector
 from attest.observers.observer import (
     COLUMNS,
     Observer,
@@ -80,19 +81,19 @@ def update(
 ) -> tuple[Quaternion, Vector, Covariance]:
     """Take in what vectors tell of theta, information N and N theta = y; [Lefferts82] VI."""
     P_a, P_c, P_b = P
-    T = so3.inverse(so3.plus(so3.IDENTITY, so3.matmul(N, P_a)))
-    gain = so3.apply(T, y)
-    theta = so3.apply(P_a, gain)
-    G = so3.symmetric(so3.matmul(T, N))
-    P_a_G = so3.matmul(P_a, G)
+    T = mat3.inverse(mat3.plus(mat3.IDENTITY, mat3.matmul(N, P_a)))
+    gain = mat3.apply(T, y)
+    theta = mat3.apply(P_a, gain)
+    G = mat3.symmetric(mat3.matmul(T, N))
+    P_a_G = mat3.matmul(P_a, G)
     after = (
-        so3.symmetric(so3.plus(P_a, so3.times(-1.0, so3.matmul(P_a_G, P_a)))),
-        so3.plus(P_c, so3.times(-1.0, so3.matmul(P_a_G, P_c))),
-        so3.symmetric(
-            so3.plus(P_b, so3.times(-1.0, so3.matmul(so3.matmul(so3.transpose(P_c), G), P_c)))
+        mat3.symmetric(mat3.plus(P_a, mat3.times(-1.0, mat3.matmul(P_a_G, P_a)))),
+        mat3.plus(P_c, mat3.times(-1.0, mat3.matmul(P_a_G, P_c))),
+        mat3.symmetric(
+            mat3.plus(P_b, mat3.times(-1.0, mat3.matmul(mat3.matmul(mat3.transpose(P_c), G), P_c)))
         ),
     )
-    beta_after = so3.add(beta, so3.apply(so3.transpose(P_c), gain))
+    beta_after = so3.add(beta, mat3.apply(mat3.transpose(P_c), gain))
     return so3.multiply(q, so3.exp(theta)), beta_after, after
 
 
@@ -104,16 +105,16 @@ def predict(
     P_a, P_c, P_b = P
     turn = so3.exp(so3.scale(h, Omega_b))
     A = so3.matrix(turn)
-    A_T = so3.transpose(A)
-    spread = so3.plus(so3.times(-2.0 * h, so3.symmetric(P_c)), so3.times(h * h, P_b))
-    P_a = so3.matmul(so3.matmul(A_T, so3.plus(P_a, spread)), A)
-    P_c = so3.matmul(A_T, so3.plus(P_c, so3.times(-h, P_b)))
+    A_T = mat3.transpose(A)
+    spread = mat3.plus(mat3.times(-2.0 * h, mat3.symmetric(P_c)), mat3.times(h * h, P_b))
+    P_a = mat3.matmul(mat3.matmul(A_T, mat3.plus(P_a, spread)), A)
+    P_c = mat3.matmul(A_T, mat3.plus(P_c, mat3.times(-h, P_b)))
     grown = (h * noise[0], h * noise[0], h * noise[0])
     walked = (h * noise[1], h * noise[1], h * noise[1])
     after = (
-        so3.symmetric(so3.plus(P_a, so3.diagonal(grown))),
+        mat3.symmetric(mat3.plus(P_a, mat3.diagonal(grown))),
         P_c,
-        so3.plus(P_b, so3.diagonal(walked)),
+        mat3.plus(P_b, mat3.diagonal(walked)),
     )
     return so3.multiply(q, turn), after
 
@@ -125,9 +126,9 @@ def information(q: Quaternion, known: Array, i: int, scale: float) -> Matrix:
     b = known[i, 1], known[i, 3], known[i, 4]
     c = known[i, 2], known[i, 4], known[i, 5]
     R = so3.matrix(q)
-    M = so3.matmul(so3.matmul(so3.transpose(R), (*a, *b, *c)), R)
+    M = mat3.matmul(mat3.matmul(mat3.transpose(R), (*a, *b, *c)), R)
     trace = M[0] + M[4] + M[8]
-    return so3.times(scale, so3.plus(so3.diagonal((trace, trace, trace)), so3.times(-1.0, M)))
+    return mat3.times(scale, mat3.plus(mat3.diagonal((trace, trace, trace)), mat3.times(-1.0, M)))
 
 
 @kernel
@@ -150,7 +151,7 @@ def run(
     for i in range(len(h)):
         for j in range(substeps[i]):
             Omega_m, L_j = mean_rate(gyro, i, j, substeps[i]), between(L, i, j, substeps[i])
-            B = so3.matmul(so3.transpose(so3.matrix(q)), L_j)
+            B = mat3.matmul(mat3.transpose(so3.matrix(q)), L_j)
             s = wahba.residual(B)
             if j == 0:
                 Omega_hat = so3.sub(so3.row(gyro, i), beta)
@@ -172,9 +173,9 @@ def estimate(samples: Samples, config: Config) -> Estimates:
     for part in segments(samples):
         q = so3.as_quaternion(initial_attitude(samples, part, config.initial))
         P = (
-            so3.times(P_a, so3.IDENTITY),
-            so3.times(0.0, so3.IDENTITY),
-            so3.times(P_b, so3.IDENTITY),
+            mat3.times(P_a, mat3.IDENTITY),
+            mat3.times(0.0, mat3.IDENTITY),
+            mat3.times(P_b, mat3.IDENTITY),
         )
         start = (q, so3.as_vector(beta), P)
         L, known = gain_and_known_matrices(samples, part, config.weights)

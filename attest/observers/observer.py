@@ -12,9 +12,10 @@ from attest.claims import Claim
 from attest.config import Configuration, Initial, VectorWeights, Weights
 from attest.errors import ConfigError
 from attest.estimates import Estimates
-from attest.geometry import quaternion, so3, static, wahba
+from attest.geometry import mat3, quaternion, so3, static, wahba
 from attest.geometry.jit import kernel
-from attest.geometry.so3 import Matrix, Quaternion, Vector
+from attest.geometry.mat3 import Matrix
+from attest.geometry.so3 import Quaternion, Vector
 from attest.samples import Samples
 
 Array = NDArray[np.float64]
@@ -147,7 +148,7 @@ def between(L: Array, i: int, j: int, m: int) -> Matrix:
     L has shape (n, 10), from `attest.geometry.wahba.gain_matrices`.
     """
     following = min(i + 1, len(L) - 1)
-    return so3.blend(so3.matrix_row(L, i), so3.matrix_row(L, following), j / m)
+    return mat3.blend(mat3.matrix_row(L, i), mat3.matrix_row(L, following), j / m)
 
 
 @kernel

@@ -23,9 +23,10 @@ from pydantic import Field
 
 from attest.config import PointsConfiguration, Section, Weights
 from attest.estimates import Estimates
-from attest.geometry import so3, wahba
+from attest.geometry import mat3, so3, wahba
 from attest.geometry.jit import kernel
-from attest.geometry.so3 import Matrix, Quaternion, Vector
+from attest.geometry.mat3 import Matrix
+from attest.geometry.so3 import Quaternion, Vector
 from attest.observers.observer import (
     COLUMNS,
     Observer,
@@ -95,15 +96,14 @@ def rate(l_f: Array, l_dot: Array, valid: Flags, i: int, last: Vector) -> Vector
             a = so3.item(l_f, i, j)
             size = so3.dot(a, a)
             N = wahba.outer_sum(N, so3.scale(-1.0, a), a)
-            N = so3.plus(N, so3.diagonal((size, size, size)))
+            N = mat3.plus(N, mat3.diagonal((size, size, size)))
             right = so3.add(right, so3.cross(so3.row(l_dot, j), a))
             widest = j
     if widest < 0:
         return last
     trace = (N[0] + N[4] + N[8]) / 3.0
-    found = so3.apply(so3.inverse(N), right)
-    if so3.determinant(N) > LEAST * trace**3:
-        return found
+    if mat3.determinant(N) > LEAST * trace**3:
+        return mat3.apply(mat3.inverse(N), right)
     a = so3.item(l_f, i, widest)
     size = max(so3.dot(a, a), FLOOR)
     across = so3.scale(1.0 / size, so3.cross(so3.row(l_dot, widest), a))
@@ -145,7 +145,7 @@ def step(
     q: Quaternion, Omega_f: Vector, Gamma: Matrix, h: float, k_p: float, p: float
 ) -> tuple[Quaternion, Vector, Vector, Matrix]:
     """Advance q by h, (40)-(42); also return Omega_hat, s and R^T Gamma at the beginning."""
-    B = so3.matmul(so3.transpose(so3.matrix(q)), Gamma)
+    B = mat3.matmul(mat3.transpose(so3.matrix(q)), Gamma)
     s = wahba.residual(B)
     slope = max(so3.dot(s, s), FLOOR) ** (1.0 / p - 1.0)
     Omega_hat = so3.sub(Omega_f, so3.scale(k_p * slope, s))  # (40), (41)

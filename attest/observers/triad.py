@@ -3,8 +3,8 @@
 [Black64]  H. D. Black, "A passive system for determining the attitude of a satellite",
            AIAA J. 2(7).
 
-Symbols: R attitude (as a quaternion q); e_1, e_2, u_1, u_2 the first two valid vectors that are
-more than 5.7° apart, in the world and in the body.
+Symbols: R attitude (as a quaternion q); e_1, u_1 the first valid vector and e_2, u_2 the one
+most at a right angle to it (more than 5.7° from it), in the world and in the body.
 
 What the vectors of a step leave open (one vector, or none) is as the gyroscope carries it from the
 step before.
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from attest.config import Configuration, Section, Weights
 from attest.estimates import Estimates
-from attest.geometry import so3, static, wahba
+from attest.geometry import mat3, so3, static, wahba
 from attest.geometry.jit import kernel
 from attest.geometry.so3 import Quaternion, Vector
 from attest.observers.observer import (
@@ -67,7 +67,7 @@ def run(
     N, V = np.empty((4, 4)), np.empty((4, 4))
     for i in range(len(h)):
         row = i if len(E) > 1 else 0
-        L_i = so3.matrix_row(L, i)
+        L_i = mat3.matrix_row(L, i)
         first, second = wahba.widest(E, row, valid, i)
         if second >= 0 and wahba.apart(U, i, first, second):
             R = static.triad(
@@ -79,7 +79,7 @@ def run(
             q = so3.from_matrix(R)
         else:
             q = static.closest(L_i, predicted, N, V)
-        B = so3.matmul(so3.transpose(so3.matrix(q)), L_i)
+        B = mat3.matmul(mat3.transpose(so3.matrix(q)), L_i)
         s = wahba.residual(B)
         Omega = so3.sub(so3.row(gyro, i), beta)
         record(out, i, q, Omega, beta, sqrt(so3.dot(s, s)), wahba.cost(L[i, 9], B))

@@ -23,9 +23,10 @@ from pydantic import Field
 from attest.claims import Claim
 from attest.config import Configuration, Section, VectorWeights
 from attest.estimates import Estimates
-from attest.geometry import so3, wahba
+from attest.geometry import mat3, so3, wahba
 from attest.geometry.jit import kernel
-from attest.geometry.so3 import Matrix, Quaternion, Vector
+from attest.geometry.mat3 import Matrix
+from attest.geometry.so3 import Quaternion, Vector
 from attest.observers.observer import (
     COLUMNS,
     Observer,
@@ -99,8 +100,8 @@ def _right_jacobian(phi: Vector) -> Matrix:
     else:
         angle = sqrt(x)
         b, c = (1.0 - cos(angle)) / x, (angle - sin(angle)) / (x * angle)
-    A = so3.hat(phi)
-    return so3.plus(so3.plus(so3.IDENTITY, so3.times(-b, A)), so3.times(c, so3.matmul(A, A)))
+    A = mat3.hat(phi)
+    return mat3.plus(mat3.plus(mat3.IDENTITY, mat3.times(-b, A)), mat3.times(c, mat3.matmul(A, A)))
 
 
 @kernel
@@ -120,10 +121,10 @@ def solve(
     for iteration in range(1, MOST_ITERATIONS + 1):
         phi = so3.scale(-h, so3.sub(c, omega))
         E = so3.matrix(so3.exp(phi))
-        F = so3.sub(so3.scale(m, omega), so3.apply(E, y))
-        turned = so3.matmul(so3.matmul(E, so3.hat(y)), _right_jacobian(phi))
-        J = so3.plus(so3.diagonal((m, m, m)), so3.times(h, turned))
-        change = so3.apply(so3.inverse(J), F)
+        F = so3.sub(so3.scale(m, omega), mat3.apply(E, y))
+        turned = mat3.matmul(mat3.matmul(E, mat3.hat(y)), _right_jacobian(phi))
+        J = mat3.plus(mat3.diagonal((m, m, m)), mat3.times(h, turned))
+        change = mat3.apply(mat3.inverse(J), F)
         omega = so3.sub(omega, change)
         if so3.dot(change, change) <= tolerance * tolerance:
             return omega, iteration
@@ -157,7 +158,7 @@ def step(
     """
     q, omega, beta = state
     m, D, P, Phi, tolerance = numbers
-    B = so3.matmul(so3.transpose(so3.matrix(q)), L)
+    B = mat3.matmul(mat3.transpose(so3.matrix(q)), L)
     s, cost = wahba.residual(B), wahba.cost(constant, B)
     force = so3.scale(slope(Phi, cost), s)
     damped = (

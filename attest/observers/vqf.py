@@ -19,7 +19,7 @@ from pydantic import Field
 from attest.config import Configuration, Section, Weights
 from attest.errors import ConfigError
 from attest.estimates import Estimates
-from attest.geometry import quaternion, so3, wahba
+from attest.geometry import mat3, quaternion, so3, wahba
 from attest.geometry.jit import kernel
 from attest.observers.observer import (
     COLUMNS,
@@ -143,7 +143,7 @@ def _diagnose(q: Array, gyro: Array, bias: Array, L: Array, out: Array) -> None:
     """Fill out (n, 12) with what every observer gives."""
     for i in range(len(q)):
         q_i, beta = (q[i, 0], q[i, 1], q[i, 2], q[i, 3]), so3.row(bias, i)
-        B = so3.matmul(so3.transpose(so3.matrix(q_i)), so3.matrix_row(L, i))
+        B = mat3.matmul(mat3.transpose(so3.matrix(q_i)), mat3.matrix_row(L, i))
         s = wahba.residual(B)
         rate = so3.sub(so3.row(gyro, i), beta)
         record(out, i, q_i, rate, beta, sqrt(so3.dot(s, s)), wahba.cost(L[i, 9], B))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from attest.config import Configuration, Section, VectorWeights
 from attest.estimates import Estimates
-from attest.geometry import so3, static, wahba
+from attest.geometry import mat3, so3, static, wahba
 from attest.geometry.jit import kernel
 from attest.geometry.so3 import Quaternion, Vector
 from attest.observers.observer import (
@@ -65,9 +65,9 @@ def run(h: Array, gyro: Array, L: Array, start: Quaternion, beta: Vector, out: A
     predicted = start
     N, V = np.empty((4, 4)), np.empty((4, 4))
     for i in range(len(h)):
-        L_i = so3.matrix_row(L, i)
+        L_i = mat3.matrix_row(L, i)
         q = static.closest(L_i, predicted, N, V)
-        B = so3.matmul(so3.transpose(so3.matrix(q)), L_i)
+        B = mat3.matmul(mat3.transpose(so3.matrix(q)), L_i)
         s = wahba.residual(B)
         Omega = so3.sub(so3.row(gyro, i), beta)
         record(out, i, q, Omega, beta, sqrt(so3.dot(s, s)), wahba.cost(L[i, 9], B))

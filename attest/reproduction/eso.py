@@ -26,6 +26,8 @@ from attest.reproduction.experiment import (
 )
 from attest.simulation.flight import Flight
 
+Run = tuple[Array, Array, Array, Array]
+"""Errors of attitude, rate and torque, and |sigma_tilde|."""
 LATE = 35.0
 """s, from when on the errors are those of the end."""
 
@@ -34,11 +36,27 @@ def reproduce(seeds: Sequence[int]) -> Experiment:
     """Run it; the seeds draw the noise."""
     flight = simulation.simulate("eso-6")
     t = seconds(flight)
-    error, rate, torque, sigma = _run(flight)
+    clean = _run(flight)
     noisy = [_run(simulation.simulate("eso-6-noise", seed)) for seed in seeds]
+    return Experiment(
+        name="eso-6",
+        title="Attitude, rate and disturbance torque",
+        paper="Wang, Sanyal, section 6, Figs. 1-3",
+        seeds=len(seeds),
+        claims=_claims(t, clean, noisy),
+        panels=_panels(t, clean, noisy[0]),
+        notes=(
+            "The paper does not give the vectors, K and h: those of [REL] (58)-(61), "
+            "K = diag(3, 2, 1), h = 0.01 s.",
+        ),
+    )
+
+
+def _claims(t: Array, clean: Run, noisy: Sequence[Run]) -> tuple[Claim, ...]:
+    error, _, _, sigma = clean
     worst = [after(t, each[0], LATE) for each in noisy]
     mean = np.mean([each[0][t >= LATE].mean() for each in noisy])
-    claims = (
+    return (
         at_most(
             "without noise the attitude error converges near zero: below 0.05° at the end",
             "Corollary 1",
@@ -63,47 +81,39 @@ def reproduce(seeds: Sequence[int]) -> Experiment:
             bound=5.0,
         ),
     )
-    shown = noisy[0]
-    return Experiment(
-        name="eso-6",
-        title="Attitude, rate and disturbance torque",
-        paper="Wang, Sanyal, section 6, Figs. 1-3",
-        seeds=len(seeds),
-        claims=claims,
-        panels={
-            "eso-6-fig1": (
-                Panel(
-                    title="attitude error",
-                    y="principal angle [deg]",
-                    lines={"with noise": (t, shown[0]), "without": (t, error)},
-                    log=True,
-                ),
+
+
+def _panels(t: Array, clean: Run, shown: Run) -> dict[str, tuple[Panel, ...]]:
+    error, rate, torque, _ = clean
+    return {
+        "eso-6-fig1": (
+            Panel(
+                title="attitude error",
+                y="principal angle [deg]",
+                lines={"with noise": (t, shown[0]), "without": (t, error)},
+                log=True,
             ),
-            "eso-6-fig2": (
-                Panel(
-                    title="rate error, with noise",
-                    y="Omega - Omega_hat [rad/s]",
-                    lines=components(t, shown[1]),
-                ),
-                Panel(title="without", y="[rad/s]", lines=components(t, rate)),
-            ),
-            "eso-6-fig3": (
-                Panel(
-                    title="disturbance torque error, with noise",
-                    y="tau_d - tau_d_hat [N m]",
-                    lines=components(t, shown[2]),
-                ),
-                Panel(title="without", y="[N m]", lines=components(t, torque)),
-            ),
-        },
-        notes=(
-            "The paper does not give the vectors, K and h: those of [REL] (58)-(61), "
-            "K = diag(3, 2, 1), h = 0.01 s.",
         ),
-    )
+        "eso-6-fig2": (
+            Panel(
+                title="rate error, with noise",
+                y="Omega - Omega_hat [rad/s]",
+                lines=components(t, shown[1]),
+            ),
+            Panel(title="without", y="[rad/s]", lines=components(t, rate)),
+        ),
+        "eso-6-fig3": (
+            Panel(
+                title="disturbance torque error, with noise",
+                y="tau_d - tau_d_hat [N m]",
+                lines=components(t, shown[2]),
+            ),
+            Panel(title="without", y="[N m]", lines=components(t, torque)),
+        ),
+    }
 
 
-def _run(flight: Flight) -> tuple[Array, Array, Array, Array]:
+def _run(flight: Flight) -> Run:
     """Return errors of attitude (degrees), rate, torque (N·m), and |sigma_tilde| (rad/s²)."""
     constants = flight.constants
     names = {"alpha": "alpha", "gamma": "gamma", "kappa": "kappa", "k_sigma": "k_sigma"}

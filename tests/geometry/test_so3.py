@@ -5,7 +5,7 @@ from numpy.testing import assert_allclose
 from scipy.linalg import expm
 from strategies import NEAR, directions, rotations, vectors
 
-from attest.geometry import quaternion, so3
+from attest.geometry import mat3, quaternion, so3
 
 matrices = vectors().flatmap(
     lambda a: vectors().flatmap(lambda b: vectors().map(lambda c: (a, b, c)))
@@ -35,15 +35,15 @@ def test_vector_kernels_are_numpys(a, b):
 @given(matrices, matrices, vectors())
 def test_matrix_kernels_are_numpys(A, B, v):
     A, B = np.array(A), np.array(B)
-    assert_allclose(square(so3.matmul(flat(A), flat(B))), A @ B, atol=1e-11)
-    assert_allclose(square(so3.transpose(flat(A))), A.T)
-    assert_allclose(so3.apply(flat(A), so3.as_vector(v)), A @ v, atol=1e-11)
-    assert_allclose(so3.vex2(flat(A)), papers.vex(A - A.T))
+    assert_allclose(square(mat3.matmul(flat(A), flat(B))), A @ B, atol=1e-11)
+    assert_allclose(square(mat3.transpose(flat(A))), A.T)
+    assert_allclose(mat3.apply(flat(A), so3.as_vector(v)), A @ v, atol=1e-11)
+    assert_allclose(mat3.vex2(flat(A)), papers.vex(A - A.T))
 
 
 def test_identity_changes_nothing():
-    assert so3.matmul(so3.IDENTITY, so3.IDENTITY) == so3.IDENTITY
-    assert so3.matrix((1.0, 0.0, 0.0, 0.0)) == so3.IDENTITY
+    assert mat3.matmul(mat3.IDENTITY, mat3.IDENTITY) == mat3.IDENTITY
+    assert so3.matrix((1.0, 0.0, 0.0, 0.0)) == mat3.IDENTITY
 
 
 @given(rotations, rotations)

@@ -19,7 +19,7 @@ from attest import config
 from attest.conditioning import condition
 from attest.config import Conditioning
 from attest.errors import ConfigError
-from attest.geometry import quaternion, so3
+from attest.geometry import mat3, quaternion, so3
 from attest.observers import eso
 from attest.recording import Signal
 
@@ -416,10 +416,10 @@ def test_a_step_of_a_nanosecond_changes_next_to_nothing(substeps):
 
 def test_a_step_without_length_changes_nothing():
     state = (so3.as_quaternion(quaternion.exp(np.ones(3))), (1.0, 0.0, 2.0), (1.0, 2.0, 3.0))
-    J = so3.diagonal((4.0, 4.0, 10.0))
+    J = mat3.diagonal((4.0, 4.0, 10.0))
     numbers = (0.85, 0.075, 0.15, 5.0, 5.0)
-    L = so3.diagonal((3.0, 2.0, 1.0))
-    after, *_ = eso.step(state, (1.0, 1.0, 1.0), ZERO, L, 6.0, 0.0, (J, so3.inverse(J)), numbers)
+    L = mat3.diagonal((3.0, 2.0, 1.0))
+    after, *_ = eso.step(state, (1.0, 1.0, 1.0), ZERO, L, 6.0, 0.0, (J, mat3.inverse(J)), numbers)
     assert_allclose(np.concatenate(after), np.concatenate(state), atol=1e-15)
 
 

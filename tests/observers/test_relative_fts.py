@@ -18,7 +18,7 @@ from strategies import arrays, frames, rotations, vectors, weights
 from attest import config
 from attest.conditioning import condition
 from attest.errors import ConfigError
-from attest.geometry import quaternion, so3
+from attest.geometry import mat3, quaternion, so3
 from attest.observers import relative_fts
 from attest.recording import Signal
 
@@ -105,7 +105,7 @@ def test_a_step_is_eqs_40_to_42(case, Omega, k, g):
     assume(s @ s > 1e-6)
     omega = g.k_p * R @ s / (s @ s) ** (1.0 - 1.0 / g.p)  # (40)
     Omega_hat = Omega - R.T @ omega  # (41)
-    args = so3.as_vector(Omega), so3.matrix_row(Gamma.reshape(1, 9), 0), H, g.k_p, g.p
+    args = so3.as_vector(Omega), mat3.matrix_row(Gamma.reshape(1, 9), 0), H, g.k_p, g.p
     q, rate, residual, _ = relative_fts.step(so3.as_quaternion(case.q), *args)
     assert_allclose(residual, s, atol=1e-9 * max(k))
     assert_allclose(rate, Omega_hat, atol=1e-7 * max(k) * g.k_p)
@@ -320,7 +320,7 @@ def test_a_perfect_estimate_at_rest_stays_where_it_is(p):
 
 def test_steps_without_length_and_of_a_nanosecond_change_next_to_nothing():
     q = quaternion.exp(np.ones(3))
-    L = so3.diagonal((3.0, 2.0, 1.0))
+    L = mat3.diagonal((3.0, 2.0, 1.0))
     after, *_ = relative_fts.step(so3.as_quaternion(q), (1.0, 1.0, 1.0), L, 0.0, 3.0, 1.1)
     assert_allclose(after, q, atol=1e-15)
     found = relative_fts.estimate(observing.at_rest(3, h=1e-9), start_at(q))
