@@ -195,10 +195,10 @@ def _series(flights: Sequence[Flight], name: str, q_b: float) -> Series:
 
 
 def _lost(found: Estimates) -> float | None:
-    definite = found.states.get("definite")
-    if definite is None or definite.all():
+    lost = found.states.get("definiteness_lost")
+    if lost is None or not lost.any():
         return None
-    return float(found.t[int(np.argmin(definite))] - found.t[0]) * 1e-9
+    return float(found.t[int(np.argmax(lost > 0.0))] - found.t[0]) * 1e-9
 
 
 def _configuration(name: str, flight: Flight, given: Samples, q_b: float) -> Configuration:
