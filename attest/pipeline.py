@@ -4,14 +4,15 @@ import json
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from attest import conditioning, config, evaluation, observers, readers, report, writers
 from attest.config import Configuration
-from attest.errors import AttestError, ReadError
+from attest.errors import AttestError, ConfigError, ReadError
 from attest.estimates import Estimates
 from attest.metrics import Metrics
 from attest.observers.observer import Observer
@@ -22,6 +23,9 @@ from attest.samples import Samples
 
 OnStage = Callable[[str], None]
 Conditioned = tuple[Samples, tuple[Note, ...]]
+
+FEW = 16
+"""Steps that an observer is compiled with before its time is taken."""
 
 
 def configure(name: str, assignments: Sequence[str] = ()) -> Configuration:
@@ -65,7 +69,8 @@ def run(log: Path, configuration: Configuration, on_stage: OnStage | None = None
         evaluation.choose(recording, configuration.evaluation.reference)  # or refuse it now
     with _stage("conditioning", timing, on_stage):
         conditioned = conditioning.condition(recording, configuration)
-    return _observe(recording, conditioned, configuration, timing, on_stage)
+    result = _observe(recording, conditioned, configuration, timing, on_stage)
+    return _summarised(result, timing)
 
 
 def compare(
@@ -84,43 +89,73 @@ def compare(
     ------
     ReadError
         The log cannot be used, or by none of them.
+    ConfigError
+        The configurations read or score the log in different ways, or the log lacks the reference.
     """
-    recordings: dict[str, Recording] = {}
+    _refuse_unlike(configurations)
+    first, reading = next(iter(configurations.values())), dict[str, float]()
+    with _stage("reading", reading, on_stage):
+        recording = read(log, first)
+        evaluation.choose(recording, first.evaluation.reference)  # or refuse it now
     conditioned: dict[str, Conditioned] = {}
     results: list[Result] = []
     failed: dict[str, str] = {}
     for label, configuration in configurations.items():
-        timing: dict[str, float] = {}
-        source, how = _alike(configuration)
+        timing, how = dict(reading), _conditioned_by(configuration)
         try:
-            with _stage("reading", timing, on_stage):
-                if source not in recordings:
-                    recordings[source] = read(log, configuration)
             with _stage("conditioning", timing, on_stage):
                 if how not in conditioned:
-                    conditioned[how] = conditioning.condition(recordings[source], configuration)
-            given = recordings[source], conditioned[how], configuration
-            results.append(_labelled(_observe(*given, timing, on_stage), label, timing))
+                    conditioned[how] = conditioning.condition(recording, configuration)
+            _compile(conditioned[how][0], configuration)
+            result = _observe(recording, conditioned[how], configuration, timing, on_stage)
         except AttestError as error:
-            if not recordings:
-                raise
             failed[label] = str(error)
+        else:
+            named = replace(result.estimates, observer=label)
+            results.append(_summarised(replace(result, estimates=named), timing))
     if not results:
         raise ReadError(f"{log}: no observer could run. {next(iter(failed.values()))}")
     return ranked(results), failed
 
 
-def _alike(configuration: Configuration) -> tuple[str, str]:
-    """Return what two configurations share if they may share a recording, and samples."""
+def _refuse_unlike(configurations: Mapping[str, Configuration]) -> None:
+    """Refuse to rank errors of different data, or taken in different ways."""
+    (first, one), *others = configurations.items()
+    for label, other in others:
+        for section in ("input", "evaluation"):
+            ours, theirs = (config.effective(each)[section] for each in (one, other))
+            for key in ours:
+                if ours[key] != theirs[key]:
+                    raise ConfigError(
+                        f"'{section}.{key}' is {ours[key]} of {first} and {theirs[key]} of "
+                        f"{label}: their errors do not compare. Set it for all with --set."
+                    )
+
+
+def _conditioned_by(configuration: Configuration) -> str:
+    """Return what configurations share if they may share samples."""
     whole = config.effective(configuration)
     keys = ("input", "conditioning", "vectors", "points")
-    source = json.dumps(whole["input"], sort_keys=True)
-    return source, json.dumps({key: whole.get(key) for key in keys}, sort_keys=True)
+    return json.dumps({key: whole.get(key) for key in keys}, sort_keys=True)
 
 
-def _labelled(result: Result, label: str, timing: Mapping[str, float]) -> Result:
-    named = replace(result, estimates=replace(result.estimates, observer=label))
-    return replace(named, summary=report.summarise(named, timing))
+def _compile(samples: Samples, configuration: Configuration) -> None:
+    """Run the observer over a few steps, so that its compilation is not counted as its time."""
+    n, named = (
+        len(samples.t),
+        {field.name: getattr(samples, field.name) for field in fields(samples)},
+    )
+    few: dict[str, Any] = {
+        name: values[:FEW]
+        for name, values in named.items()
+        if isinstance(values, np.ndarray) and len(values) == n > FEW
+    }
+    with suppress(AttestError):  # the whole log will tell
+        observers.get(configuration.observer).estimate(replace(samples, **few), configuration)
+
+
+def _summarised(result: Result, timing: Mapping[str, float]) -> Result:
+    return replace(result, summary=report.summarise(result, timing))
 
 
 def _observe(
@@ -130,7 +165,7 @@ def _observe(
     timing: dict[str, float],
     on_stage: OnStage | None,
 ) -> Result:
-    """Estimate, evaluate, and say what came out."""
+    """Estimate and evaluate; the summary is left to be made."""
     samples, notes = conditioned
     observer = observers.get(configuration.observer)
     reference = evaluation.choose(recording, configuration.evaluation.reference)
@@ -144,7 +179,7 @@ def _observe(
         claims = evaluation.attest(samples, estimates, metrics, configuration)
         if observer.promises is not None:
             claims += observer.promises(samples, estimates, configuration)
-    result = Result(
+    return Result(
         recording=recording,
         samples=samples,
         estimates=estimates,
@@ -155,7 +190,6 @@ def _observe(
         summary={},
         claims=claims,
     )
-    return replace(result, summary=report.summarise(result, timing))
 
 
 def write(

@@ -1,5 +1,6 @@
 """One finished run: what every writer and report is given."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -35,13 +36,13 @@ class Result:
 def ranked(results: Sequence[Result]) -> list[Result]:
     """Return the runs of several observers over one log, the best first.
 
-    By total RMSE against the reference; where there is none, by Wahba's mean cost, which tells of
-    consistency only.
+    By total RMSE against the reference; then those that it cannot score, by Wahba's mean cost,
+    which tells of consistency only.
     """
 
-    def score(result: Result) -> float:
-        if result.metrics is None:
-            return float(result.estimates.cost.mean())
-        return result.metrics.total.rmse
+    def score(result: Result) -> tuple[bool, float]:
+        metrics = result.metrics
+        figure = float(result.estimates.cost.mean()) if metrics is None else metrics.total.rmse
+        return metrics is None, figure if math.isfinite(figure) else math.inf
 
     return sorted(results, key=score)

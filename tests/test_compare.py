@@ -1,15 +1,23 @@
 import json
+import os
 import subprocess
 import sys
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from results import result
+from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from attest import pipeline, report
+from attest.cli.compare import _labels as labels
 from attest.errors import ConfigError, ReadError
 from attest.result import ranked
+from attest.writers.mcap import write_mcap
+from attest.writers.topics import streams
 
 ATTEST = [sys.executable, "-m", "attest"]
 NAMES = ("fts", "cgo", "wahba")
@@ -147,3 +155,161 @@ def test_without_a_reference_the_order_is_that_of_consistency(sample_logs):
     assert ranked(results) == results
     text = report.text_of_ranking(report.rank(results, {}), [])
     assert "none: ranked by Wahba's mean cost, consistency only" in text
+
+
+def named(label, made=None, **changes):
+    made = made or result(60)
+    estimates = replace(made.estimates, observer=label, **changes)
+    return replace(made, estimates=estimates)
+
+
+def parents(results):
+    """Parents of each frame."""
+    found = {}
+    for stream in streams(results):
+        if stream.topic in {"/tf", "/tf_static"}:
+            ends = [f.value for f in stream.fields if f.name in {"frame_id", "child_frame_id"}]
+            parent, child = (end.rstrip(b"\0").decode() for end in ends)
+            found.setdefault(child, set()).add(parent)
+    return found
+
+
+def test_labels_stay_apart_as_topics():
+    names = ["fts", "a/my fts.yaml", "my-fts.yaml", "fts", "fts-2.yaml", "paper/fts"]
+    assert list(labels(names)) == ["fts", "my fts", "my-fts-2", "fts-2", "fts-2-2", "fts-3"]
+    assert list(labels(["b\udcff.yaml"])) == ["b?"]
+
+
+def test_every_frame_has_one_parent_whatever_the_names_are():
+    relative = {"frames": ("object", "observer")}
+    results = [named("fts"), named("world"), named("a", **relative), named("b", **relative)]
+    assert parents(results) == {
+        "world": {"map"},
+        "object": {"map"},
+        "fts": {"world"},
+        "world/world": {"world"},
+        "observer": {"object"},
+        "b/observer": {"object"},
+        "reference/SIMSTATE": {"world"},
+    }
+    assert parents([named("a", **relative)])["reference/SIMSTATE"] == {"object"}
+
+
+def test_frames_are_those_of_the_headers(tmp_path):
+    path = tmp_path / "compare.mcap"
+    write_mcap(path, [named("a", frames=("object", "observer")), named("fts")])
+    with AnyReader([path]) as reader:
+        heads = {
+            connection.topic: reader.deserialize(data, connection.msgtype).header.frame_id
+            for connection, _, data in reader.messages()
+            if not connection.topic.startswith("/tf")
+        }
+    assert (heads["/attest/a/pose"], heads["/attest/a/imu"]) == ("object", "observer")
+    assert (heads["/attest/fts/pose"], heads["/attest/fts/imu"]) == ("world", "fts")
+
+
+def test_what_is_not_scored_comes_last():
+    unscored = replace(named("b"), metrics=None)
+    worse = named("c")
+    worse = replace(
+        worse, metrics=replace(worse.metrics, total=replace(worse.metrics.total, rmse=99))
+    )
+    order = ranked([unscored, worse, named("a")])
+    assert [each.estimates.observer for each in order] == ["a", "c", "b"]
+
+
+@pytest.mark.parametrize("key", ["evaluation.reference=ATTITUDE", "input.start_s=10"])
+def test_what_would_not_compare_is_refused(sample_logs, key):
+    unlike = {"fts": pipeline.configure("fts"), "mine": pipeline.configure("fts", [key])}
+    with pytest.raises(ConfigError, match=f"'{key.split('=')[0]}' is None of fts"):
+        pipeline.compare(sample_logs / "quadcopter.tlog", unlike)
+
+
+def test_unknown_reference_is_wrong_usage(sample_logs):
+    log = sample_logs / "quadcopter.tlog"
+    done = attest("compare", log, "--reference", "FOO")
+    message = f"attest: {log}: no reference 'FOO'. The log has: SIMSTATE, ATTITUDE.\n"
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", message)
+
+
+def test_log_is_read_once_and_conditioned_once_for_all_that_agree(sample_logs, monkeypatch):
+    calls = []
+    for module, name in ((pipeline.readers, "read"), (pipeline.conditioning, "condition")):
+        real = getattr(module, name)
+        monkeypatch.setattr(
+            module, name, lambda *given, real=real, name=name: calls.append(name) or real(*given)
+        )
+    other = pipeline.configure("cgo", ["conditioning.max_step_s=0.02"])
+    given = {name: pipeline.configure(name) for name in ("cgo", "mekf", "wahba")} | {"slow": other}
+    pipeline.compare(sample_logs / "quadcopter.tlog", given)
+    assert calls == ["read", "condition", "condition"]
+
+
+def test_notes_of_all_are_told_once_and_those_of_one_under_its_name(compared):
+    table, folder = compared
+    assert table.count("gap in the gyroscope bridged") == 1
+    document = json.loads((folder / "compare.json").read_text(encoding="utf-8"))
+    own = {"text": "mine alone", "count": 2}
+    document["runs"]["cgo"]["warnings"].append(own)
+    text = report.text_of_ranking(document, [])
+    assert "! cgo: mine alone (×2)" in text
+
+
+def test_table_says_what_the_figures_are_worth(compared):
+    table, folder = compared
+    assert "[°/s]" in table
+    assert "[ns]" in table
+    document = json.loads((folder / "compare.json").read_text(encoding="utf-8"))
+    document["reference"] = {"name": "ATTITUDE", "kind": "autopilot", "independent": False}
+    document["ranking"][0]["settling_time_s"] = None
+    text = report.text_of_ranking(document, [])
+    assert "not independent, not truth" in text
+    assert "never" in text
+
+
+def test_costs_of_different_weights_are_said_not_to_compare(sample_logs):
+    none = "evaluation.reference=none"
+    given = {
+        "cgo": pipeline.configure("cgo", [none]),
+        "other": pipeline.configure("cgo", [none, "weights.k=[3.0, 2.0, 1.0]"]),
+    }
+    results, _ = pipeline.compare(sample_logs / "quadcopter.tlog", given)
+    assert "their costs do not compare" in report.text_of_ranking(report.rank(results, {}), [])
+
+
+def test_name_that_is_not_utf_8_is_written(sample_logs, tmp_path):
+    mine = os.fsdecode(os.fsencode(tmp_path) + b"/b\xff.yaml")
+    Path(mine).write_text("observer: cgo\n")
+    done = attest(
+        "compare", sample_logs / "quadcopter.tlog", "-o", "cgo", "-o", mine, "--output", tmp_path
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "b?" in done.stdout
+
+
+def test_equal_comparisons_give_equal_bytes_but_for_time(compared, sample_logs, tmp_path):
+    _, folder = compared
+    options = [option for name in NAMES for option in ("-o", name)]
+    log = sample_logs / "quadcopter.tlog"
+    attest("compare", log, *options, "--output", tmp_path, "--quiet")
+    again = tmp_path / "quadcopter"
+    assert (again / "compare.mcap").read_bytes() == (folder / "compare.mcap").read_bytes()
+    documents = [json.loads((f / "compare.json").read_text()) for f in (folder, again)]
+    for document in documents:
+        for row in document["ranking"]:
+            del row["time_per_step_ns"]
+        for run in document["runs"].values():
+            del run["timing"]
+    assert documents[0] == documents[1]
+
+
+def test_quiet_tells_of_failures_only(sample_logs, tmp_path):
+    points = tmp_path / "points.yaml"
+    points.write_text(
+        "observer: relative_fts\npoints: {p1: [0, 0, 0], p2: [1, 0, 0], p3: [0, 1, 0]}\n"
+    )
+    log = sample_logs / "quadcopter.tlog"
+    done = attest("compare", log, "-o", "cgo", "-o", points, "--output", tmp_path / "out", "-q")
+    assert (done.returncode, done.stdout) == (0, "")
+    assert done.stderr.startswith(f"attest: points: {log}: no 'p1' signal.")
+    assert done.stderr.count("\n") == 1

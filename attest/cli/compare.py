@@ -6,6 +6,7 @@ from typing import Any
 
 import click
 
+from attest.cli.logs import logs as find_logs
 from attest.cli.options import (
     assignments_option,
     chosen,
@@ -29,7 +30,7 @@ Examples:
   attest compare flight.tlog -o fts -o vqf -o mine.yaml --reference ATTITUDE
 """
 )
-@click.argument("log", type=click.Path(path_type=Path))
+@click.argument("log")
 @click.option(
     "--observer",
     "-o",
@@ -47,7 +48,7 @@ Examples:
 @json_option
 def compare(
     *,
-    log: Path,
+    log: str,
     observers: Sequence[str],
     assignments: tuple[str, ...],
     output: Path,
@@ -58,35 +59,53 @@ def compare(
 ) -> None:
     """Run several observers over one log: one MCAP, one Rerun recording, one ranked table."""
     from attest import pipeline, report
-    from attest.writers.json import to_json
 
     if len(observers) < 2:
         raise ConfigError("one observer: nothing to compare with. Name two with -o, or use run.")
+    path = _only(log)
     wanted = [*chosen(choices), *assignments]
     configurations = {
         label: pipeline.configure(name, wanted) for label, name in _labels(observers).items()
     }
-    with progress(log.name, quiet=quiet, stages=4 * len(configurations) + 1) as on_stage:
-        results, failed = pipeline.compare(log, configurations, on_stage)
+    with progress(path.name, quiet=quiet, stages=3 * len(configurations) + 2) as on_stage:
+        results, failed = pipeline.compare(path, configurations, on_stage)
         document = report.rank(results, failed)
-        folder = pipeline.folder_for(results[0], output, [log])
+        folder = pipeline.folder_for(results[0], output, [path])
         written = pipeline.write(results, folder, on_stage, document)
     if as_json:
-        click.echo(to_json(document, indent=2))
+        click.echo(written[-1].read_text(encoding="utf-8"), nl=False)
     elif not quiet:
         click.echo(report.text_of_ranking(document, written))
+    else:
+        for label, reason in failed.items():
+            click.echo(f"attest: {label}: {reason}", err=True)
     if open_viewer:
         open_rrd(written[1])
 
 
 def _labels(names: Sequence[str]) -> dict[str, str]:
-    """Name each configuration: by its name, or its file's stem; of twins the second is NAME-2."""
+    """Name each configuration: by its name, or its file's stem; of twins the second is NAME-2.
+
+    Names that would be one topic are twins too.
+    """
+    from attest.writers.json import clean
+    from attest.writers.topics import topic_name
+
     labels: dict[str, str] = {}
+    taken: set[str] = set()
     for name in names:
-        stem = Path(name).stem or name
+        stem = clean(Path(name).stem or name)
         label, count = stem, 1
-        while label in labels:
+        while topic_name(label) in taken:
             count += 1
             label = f"{stem}-{count}"
+        taken.add(topic_name(label))
         labels[label] = name
     return labels
+
+
+def _only(named: str) -> Path:
+    found = find_logs([named])
+    if len(found) > 1:
+        raise ConfigError(f"{named}: {len(found)} logs in this folder. Name one of them.")
+    return found[0]

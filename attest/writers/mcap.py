@@ -65,7 +65,11 @@ def write_mcap(path: Path, results: Sequence[Result]) -> None:
             content = yaml.safe_dump(
                 plain(result.configuration), sort_keys=False, allow_unicode=True
             )
-            name = f"{result.estimates.observer}.yaml" if len(results) > 1 else "configuration.yaml"
+            name = (
+                f"{clean(result.estimates.observer)}.yaml"
+                if len(results) > 1
+                else "configuration.yaml"
+            )
             mcap_file.add_attachment(
                 file, name, "application/yaml", content.encode(), first + offset
             )
@@ -137,7 +141,7 @@ def _metadata(results: Sequence[Result]) -> dict[str, dict[str, str]]:
     for result in results:
         # less the timing, so that equal runs give equal bytes
         summary = {key: value for key, value in result.summary.items() if key != "timing"}
-        whose = f"/{result.estimates.observer}" if len(results) > 1 else ""
+        whose = f"/{clean(result.estimates.observer)}" if len(results) > 1 else ""
         found[f"attest/summary{whose}"] = dict(_flat(summary))
         found[f"attest/configuration{whose}"] = dict(_flat(result.configuration))
     return found

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from attest.result import Result
-from attest.writers.rerun_plots import Plot, Series, euler_deg, field
+from attest.writers.rerun_plots import Plot, Series, euler_deg, field, restarts
 from attest.writers.rerun_scene import ESTIMATES, REFERENCE, Color
 from attest.writers.topics import topic_name
 
@@ -31,7 +31,8 @@ def _curve(
 ) -> Series:
     name = result.estimates.observer
     entity = f"{plot}/{topic_name(name)}"
-    return Series(entity, result.estimates.t, values, (name,), (color,), width)
+    t, broken = result.estimates.t, restarts(result)
+    return Series(entity, t, broken, values, (name,), (color,), width)
 
 
 def _errors(results: Sequence[Result]) -> Iterator[Plot]:
@@ -40,7 +41,13 @@ def _errors(results: Sequence[Result]) -> Iterator[Plot]:
         curves = [
             _curve(f"error/{name}", result, _column(result, i), color) for result, color in scored
         ]
-        yield Plot(f"{name.capitalize()} error [deg]", f"error/{name}", tuple(curves), several=True)
+        yield Plot(_title(name, scored[0][0]), f"error/{name}", tuple(curves))
+
+
+def _title(error: str, scored: Result) -> str:
+    """Say against what the total error is; the others stand below it."""
+    name = scored.metrics.reference if scored.metrics and error == "total" else ""
+    return f"{error.capitalize()} error{f' against {name}' if name else ''} [deg]"
 
 
 def _column(result: Result, i: int) -> Callable[[], Array]:
@@ -57,11 +64,12 @@ def _angles(results: Sequence[Result]) -> Iterator[Plot]:
         ]
         if against is not None and against.metrics is not None:
             values = _angle(against.metrics.q_ref, i)
-            t = against.estimates.t
+            t, broken = against.estimates.t, restarts(against)
+            # drawn in the order of their names: the broad band below all
             label = (against.metrics.reference,)
-            entity = f"euler/{name}/_reference"
-            curves.insert(0, Series(entity, t, values, label, (REFERENCE,), 4.0))
-        yield Plot(f"{name.capitalize()} [deg]", f"euler/{name}", tuple(curves), several=True)
+            entity = f"euler/{name}/0_reference"
+            curves.insert(0, Series(entity, t, broken, values, label, (REFERENCE,), 4.0))
+        yield Plot(f"{name.capitalize()} [deg]", f"euler/{name}", tuple(curves))
 
 
 def _angle(q: Array, i: int) -> Callable[[], Array]:
@@ -76,12 +84,12 @@ def _norms(results: Sequence[Result]) -> Iterator[Plot]:
         if bias is not None
     ]
     if biases:
-        yield Plot("Gyro bias, length [deg/s]", "bias", tuple(biases), several=True)
+        yield Plot("|Gyro bias| [deg/s]", "bias", tuple(biases))
     residuals = [
         _curve("residual", result, _alone(result.estimates.cost), color)
         for result, color in _coloured(results)
     ]
-    yield Plot("Wahba's cost U", "residual", tuple(residuals), several=True)
+    yield Plot("Wahba's cost U", "residual", tuple(residuals))
 
 
 def _length(bias: Array) -> Callable[[], Array]:

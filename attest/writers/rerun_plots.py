@@ -7,7 +7,6 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from attest.estimates import Estimates
 from attest.geometry import quaternion
 from attest.result import Result
 from attest.writers.rerun_scene import PALE, VIVID, Color
@@ -26,6 +25,8 @@ class Series:
 
     entity: str
     t: NDArray[np.int64]
+    restarts: NDArray[np.int64]
+    """Times just before which they break."""
     values: Callable[[], Array]
     """Makes them when they are logged, shape (n, k)."""
     names: Sequence[str]
@@ -40,15 +41,13 @@ class Plot:
     title: str
     origin: str
     series: tuple[Series, ...]
-    several: bool = False
-    """Whether its curves are those of several observers, whose names one plot tells for all."""
 
-    def log(self, target: Target, restarts: NDArray[np.int64]) -> None:
-        """Log the curves, which break at each restart, and their style."""
+    def log(self, target: Target) -> None:
+        """Log the curves and their style."""
         for one in self.series:
             style = rr.SeriesLines(colors=one.colors, names=one.names, widths=[one.width])
             target.static(one.entity, style)
-            t, y = _broken(one.t, one.values(), restarts)
+            t, y = _broken(one.t, one.values(), one.restarts)
             target.rows(one.entity, t, _columns(y))
 
 
@@ -61,32 +60,33 @@ def _error(result: Result) -> Iterator[Plot]:
     if (metrics := result.metrics) is None:
         return
     names, colors = ("total", "heading", "inclination"), (TOTAL, HEADING, INCLINATION)
-    series = Series("error", result.estimates.t, lambda: metrics.error_deg, names, colors, 2.0)
+    t, broken = result.estimates.t, restarts(result)
+    series = Series("error", t, broken, lambda: metrics.error_deg, names, colors, 2.0)
     yield Plot(f"Error against {metrics.reference} [deg]", "error", (series,))
 
 
 def _euler(result: Result) -> Iterator[Plot]:
     t, q, metrics = result.estimates.t, result.estimates.q, result.metrics
-    names = ("roll", "pitch", "yaw")
-    curves = [Series("euler/estimate", t, lambda: euler_deg(q), names, VIVID)]
+    names, broken = ("roll", "pitch", "yaw"), restarts(result)
+    curves = [Series("euler/estimate", t, broken, lambda: euler_deg(q), names, VIVID)]
     if metrics is not None:
         # drawn in the order of their names: a broad band below, so that both are seen
         named = [f"{name}, reference" for name in names]
         q_ref = metrics.q_ref
-        curves.append(Series("euler/against", t, lambda: euler_deg(q_ref), named, PALE, 4.0))
+        against = Series("euler/against", t, broken, lambda: euler_deg(q_ref), named, PALE, 4.0)
+        curves.append(against)
     yield Plot("Euler angles [deg]", "euler", tuple(curves))
 
 
 def _bias(result: Result) -> Iterator[Plot]:
-    estimates = result.estimates
-    if (bias := estimates.gyro_bias) is not None:
-        yield _xyz("Gyro bias [deg/s]", "bias", estimates, lambda: np.degrees(bias))
+    if (bias := result.estimates.gyro_bias) is not None:
+        yield _xyz("Gyro bias [deg/s]", "bias", result, lambda: np.degrees(bias))
 
 
 def _rate(result: Result) -> Iterator[Plot]:
     estimates = result.estimates
     yield _xyz(
-        "Angular rate [deg/s]", "rate", estimates, lambda: np.degrees(estimates.angular_velocity)
+        "Angular rate [deg/s]", "rate", result, lambda: np.degrees(estimates.angular_velocity)
     )
 
 
@@ -95,6 +95,7 @@ def _residual(result: Result) -> Iterator[Plot]:
     curve = Series(
         "residual",
         estimates.t,
+        restarts(result),
         lambda: np.stack([estimates.s_norm, estimates.cost], axis=1),
         ("|s_L|", "Wahba's cost U"),
         (TOTAL, HEADING),
@@ -110,6 +111,7 @@ def field(result: Result) -> Iterator[Plot]:
     series = Series(
         "field",
         mag.t,
+        restarts(result),
         lambda: 1e6 * np.linalg.norm(y, axis=1, keepdims=True),
         ("|mag|",),
         ((34, 211, 238),),
@@ -119,14 +121,20 @@ def field(result: Result) -> Iterator[Plot]:
 
 def _torque(result: Result) -> Iterator[Plot]:
     if (torque := result.estimates.states.get("disturbance_torque")) is not None:
-        yield _xyz("Disturbance torque [N·m]", "torque", result.estimates, lambda: torque)
+        yield _xyz("Disturbance torque [N·m]", "torque", result, lambda: torque)
 
 
 PLOTS = (_error, _euler, _bias, _rate, _residual, field, _torque)
 
 
-def _xyz(title: str, entity: str, estimates: Estimates, values: Callable[[], Array]) -> Plot:
-    return Plot(title, entity, (Series(entity, estimates.t, values, ("x", "y", "z"), VIVID),))
+def restarts(result: Result) -> NDArray[np.int64]:
+    """Return the times at which a run starts anew."""
+    return result.samples.t[result.samples.restart]
+
+
+def _xyz(title: str, entity: str, result: Result, values: Callable[[], Array]) -> Plot:
+    t, names = result.estimates.t, ("x", "y", "z")
+    return Plot(title, entity, (Series(entity, t, restarts(result), values, names, VIVID),))
 
 
 def euler_deg(q: Array) -> Array:

@@ -7,14 +7,16 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import BinaryIO
 
+import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 
 from attest.result import Result
 from attest.writers.json import clean
 from attest.writers.rerun_comparison import plots_of_several
 from attest.writers.rerun_layout import layout
 from attest.writers.rerun_plots import plots
-from attest.writers.rerun_scene import log_scene
+from attest.writers.rerun_scene import COLOR_NAMES, log_scene
 from attest.writers.rerun_states import log_states
 from attest.writers.rerun_target import Target
 from attest.writers.summary_text import markdown, markdown_of_several
@@ -32,18 +34,24 @@ def record(file: BinaryIO, results: Sequence[Result], recording_id: str) -> None
 
 def _log(recording: rr.RecordingStream, results: Sequence[Result]) -> None:
     first = results[0]
-    t = first.estimates.t
+    t = _ends(results)
     target = Target(recording, first.recording.clock, int(t[0]) if len(t) else 0)
     drawn = plots(first) if len(results) == 1 else plots_of_several(results)
     names = ", ".join(result.estimates.observer for result in results)
     recording.send_recording_name(clean(f"{first.recording.path.name} · {names}"))
-    recording.send_blueprint(layout(first, drawn, target.whole(t)))
-    text = markdown(first) if len(results) == 1 else markdown_of_several(results)
+    recording.send_blueprint(layout(results, drawn, target.whole(t)))
+    text = markdown(first) if len(results) == 1 else markdown_of_several(results, COLOR_NAMES)
     target.static("summary", rr.TextDocument(clean(text), media_type="text/markdown"))
     log_scene(target, results)
     for plot in drawn:
-        plot.log(target, first.samples.t[first.samples.restart])
+        plot.log(target)
     log_states(target, results)
+
+
+def _ends(results: Sequence[Result]) -> NDArray[np.int64]:
+    """Return the first and last times of the runs, in order."""
+    every = [result.estimates.t for result in results]
+    return np.sort(np.concatenate([end for t in every for end in (t[:1], t[-1:])]))
 
 
 @contextmanager

@@ -39,6 +39,7 @@ ESTIMATES: tuple[Color, ...] = (
     (148, 163, 184),
 )
 """One per observer, the best first."""
+COLOR_NAMES = ("amber", "blue", "green", "violet", "red", "teal", "lime", "grey")
 REFERENCE: Color = (203, 213, 225)
 VECTORS: tuple[Color, ...] = ((236, 72, 153), (34, 211, 238), (163, 230, 53), (192, 132, 252))
 """One per measured direction, none of them an axis's."""
@@ -65,7 +66,7 @@ def log_scene(target: Target, results: Sequence[Result]) -> None:
     """Log everything that the 3D view shows; the vectors as the first of the observers has them."""
     first = results[0]
     target.static("world", UP[first.recording.world])
-    _log_world_axes(target, first.recording.world)
+    _log_world_axes(target, first)
     _log_estimate(target, first)
     for result, color in zip(results[1:], cycle(ESTIMATES[1:]), strict=False):
         _log_other(target, result, color)
@@ -82,13 +83,14 @@ def in_world(ned: tuple[float, float, float], world: World) -> tuple[float, floa
     return ned if world == "ned" else (east, north, -down)
 
 
-def _log_world_axes(target: Target, world: World) -> None:
+def _log_world_axes(target: Target, result: Result) -> None:
+    world = result.recording.world
     axes = rr.Arrows3D(
         vectors=0.35 * np.eye(3),
         origins=[in_world(CORNER, world)] * 3,
         radii=0.012,
         colors=[GREY] * 3,
-        labels=AXIS_NAMES[world],
+        labels=("x", "y", "z") if result.estimates.frames else AXIS_NAMES[world],
         show_labels=True,
     )
     target.static("world/axes", axes)

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator, Sequence
+from itertools import cycle
 
 from attest.metrics import Metrics, Statistics
 from attest.result import Result
@@ -16,6 +17,11 @@ SCENE = (
     " measured; thin ones, as known.*"
 )
 """How to read the picture beside the text."""
+SCENE_OF_SEVERAL = (
+    "*In the 3D view: solid, the best observer; outlined in their colours, the others; outlined in"
+    " pale grey, the reference; thick arrows, directions as the best has them; thin ones, as"
+    " known.*"
+)
 
 
 def markdown(result: Result) -> str:
@@ -24,13 +30,13 @@ def markdown(result: Result) -> str:
     return "\n\n".join("\n".join(part) for part in parts) + "\n"
 
 
-def markdown_of_several(results: Sequence[Result]) -> str:
+def markdown_of_several(results: Sequence[Result], colors: Sequence[str]) -> str:
     """Say how the observers did, the best first, and what to doubt."""
-    parts = (_ranking(results), _notes(results[0]), [SCENE])
+    parts = (_ranking(results, colors), _notes(results[0]), [SCENE_OF_SEVERAL])
     return "\n\n".join("\n".join(part) for part in parts) + "\n"
 
 
-def _ranking(results: Sequence[Result]) -> Iterator[str]:
+def _ranking(results: Sequence[Result], colors: Sequence[str]) -> Iterator[str]:
     yield f"# {len(results)} observers on {escape(results[0].recording.path.name)}"
     yield ""
     metrics = results[0].metrics
@@ -40,19 +46,19 @@ def _ranking(results: Sequence[Result]) -> Iterator[str]:
         kind = KINDS.get(metrics.kind, escape(metrics.kind))
         yield f"Against **{escape(metrics.reference)}** ({kind}):"
     yield ""
-    yield "| observer | RMSE [deg] | heading | inclination | median | p95 | Wahba's cost |"
-    yield "|---|---:|---:|---:|---:|---:|---:|"
-    for result in results:
-        yield _ranked(result)
+    yield "| observer | colour | RMSE [deg] | heading | inclination | median | p95 | Wahba's cost |"
+    yield "|---|---|---:|---:|---:|---:|---:|---:|"
+    for result, color in zip(results, cycle(colors), strict=False):
+        yield _ranked(result, color)
 
 
-def _ranked(result: Result) -> str:
+def _ranked(result: Result, color: str) -> str:
     scores = ["-"] * 5
     if (m := result.metrics) is not None:
         figures = (m.total.rmse, m.heading.rmse, m.inclination.rmse, m.total.median, m.total.p95)
         scores = [f"{figure:.2f}" for figure in figures]
     cost = float(result.estimates.cost.mean())
-    cells = (escape(result.estimates.observer), *scores, f"{cost:.3g}")
+    cells = (escape(result.estimates.observer), color, *scores, f"{cost:.3g}")
     return f"| {' | '.join(cells)} |"
 
 

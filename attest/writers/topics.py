@@ -6,7 +6,7 @@ axes of the recording), and in it the body by the observer and by the reference.
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,13 +51,25 @@ def streams(results: Sequence[Result]) -> list[Stream]:
 
     Reference and magnetometer are the same for all, and told once.
     """
+    results = list(_apart(results))
     every = [stream for result in results for stream in _of_result(result)]
     scored = next((result for result in results if result.metrics), None)
     if scored is not None and scored.metrics is not None:
         every += _of_reference(scored.metrics, scored.estimates)
     every += _of_recording(results[0])
     filled = [stream for stream in every if len(stream.t)]
-    return [*_static(filled, results[0]), *filled]
+    return [*_static(filled, results), *filled]
+
+
+def _apart(results: Sequence[Result]) -> Iterator[Result]:
+    """Name the frames of the bodies so that each frame has one parent."""
+    taken = {"map", *(frames(result.estimates)[0] for result in results)}
+    for result in results:
+        world, body = frames(result.estimates)
+        if body in taken:
+            body = f"{topic_name(result.estimates.observer)}/{body}"
+        taken.add(body)
+        yield replace(result, estimates=replace(result.estimates, frames=(world, body)))
 
 
 def _of_result(result: Result) -> Iterator[Stream]:
@@ -127,13 +139,14 @@ def _of_recording(result: Result) -> Iterator[Stream]:
         )
 
 
-def _static(filled: list[Stream], result: Result) -> list[Stream]:
-    """Tie the world axes to a map whose third axis is up, once, at the first message."""
+def _static(filled: list[Stream], results: Sequence[Result]) -> list[Stream]:
+    """Tie each world's axes to a map whose third axis is up, once, at the first message."""
     if not filled:
         return []
     first = np.array([min(stream.t[0] for stream in filled)])
-    world = np.array([WORLD_IN_MAP[result.recording.world]])
-    return [_transform("/tf_static", first, "map", frames(result.estimates)[0], world)]
+    q = np.array([WORLD_IN_MAP[results[0].recording.world]])
+    worlds = dict.fromkeys(frames(result.estimates)[0] for result in results)
+    return [_transform("/tf_static", first, "map", world, q) for world in worlds]
 
 
 def _transform(topic: str, t: NDArray[np.int64], parent: str, child: str, q: Array) -> Stream:
