@@ -47,6 +47,8 @@ def condition(recording: Recording, config: Configuration) -> tuple[Samples, tup
         before = list(found.values())
         found[vector.signal], told = _measure(recording, line, vector, before, config.conditioning)
         notes += told
+    torque, told = _torque(recording, line, config.conditioning)
+    notes += told
     vectors = [found[vector.signal] for vector in wanted]
     samples = Samples(
         t=gyro.t,
@@ -58,30 +60,35 @@ def condition(recording: Recording, config: Configuration) -> tuple[Samples, tup
         substeps=substeps,
         restart=restart,
         length=np.stack([v.length for v in vectors], axis=1) if vectors else None,
-        torque=_torque(recording, line, config.conditioning),
+        torque=torque,
         field=found["mag"].field if "mag" in found else None,
     )
     return samples, (*notes, *_unobservable(samples.names, recording))
 
 
-def _torque(recording: Recording, line: Timeline, config: Conditioning) -> Array | None:
+def _torque(
+    recording: Recording, line: Timeline, config: Conditioning
+) -> tuple[Array | None, list[Note]]:
     """Interpolate the control torque, zero further from its samples than a vector is carried."""
     torque = recording.signals.get("torque")
     if torque is None or not len(torque.t):
-        return None
+        return None, []
     left, right = frame.nearest(torque.t, line.t)
     age = np.minimum(np.abs(line.t - torque.t[left]), np.abs(torque.t[right] - line.t))
     at = seconds(line.t, int(line.t[0])), seconds(torque.t, int(line.t[0]))
     applied = np.stack([np.interp(*at, column) for column in torque.y.T], axis=1)
-    near = (age <= config.max_age_s * SECOND)[:, np.newaxis]
-    return np.where(near, applied, 0.0)
+    near = age <= config.max_age_s * SECOND
+    far = len(near) - int(near.sum())
+    text = f"step without a sample of 'torque' within {config.max_age_s:g} s: none is taken there"
+    notes = [Note(text, far, doubt=far > 0.1 * len(near))] if far else []
+    return np.where(near[:, np.newaxis], applied, 0.0), notes
 
 
 def _unobservable(names: tuple[str, ...], recording: Recording) -> tuple[Note, ...]:
     """Say what too few directions leave open."""
     if not names:
         text = "no direction is used: the attitude is the gyroscope's integral from its start"
-        usual = {"gyro", "velocity", "position", "torque"}
+        usual = {"gyro", "velocity", "position", "torque", "disturbance_torque"}
         if others := sorted(set(recording.signals) - usual):
             text += f"; the log has {', '.join(others)}, which 'vectors' may name"
     elif len(names) == 1:

@@ -34,6 +34,12 @@ class Timeline:
 
 def gyroscope(recording: Recording, config: Configuration) -> tuple[Signal, list[Note]]:
     """Cut the gyroscope to the time that is asked for, and leave out what it cannot measure."""
+    points = [name for name in recording.signals if name.startswith("point")]
+    if points and "gyro" not in recording.signals:
+        raise ReadError(
+            f"{recording.path}: {len(points)} feature points and no gyroscope. Use relative_fts "
+            "with their places in its 'points'."
+        )
     gyro = recording.require("gyro")
     at = seconds(gyro.t, int(gyro.t[0]))
     wanted = at >= (config.input.start_s or 0.0)

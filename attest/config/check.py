@@ -58,7 +58,7 @@ def _unknown_key(model: type[Section], loc: tuple[int | str, ...]) -> str:
     near = get_close_matches(key, known, n=1, cutoff=0.5)
     hint = f"Did you mean {near[0]!r}? " if near else ""
     dotted = ".".join(map(str, [*outer, key]))
-    return f"unknown key {dotted!r}. {hint}Known: {', '.join(known)}."
+    return f"unknown key {dotted!r}. {hint}Known: {', '.join(known) or 'none'}."
 
 
 def _keys(loc: tuple[int | str, ...]) -> list[int | str]:

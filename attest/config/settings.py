@@ -9,6 +9,8 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
+Rate = Annotated[float, Field(ge=-1e3, le=1e3)]
+"""rad/s; no body turns as fast."""
 
 
 class Section(BaseModel):
@@ -49,9 +51,9 @@ class Initial(Section):
 
     attitude: Literal["triad", "identity"] | Quaternion = "triad"
     """From the first vectors (triad), identity, or a quaternion [w, x, y, z], body to world."""
-    bias: Vector3 = (0.0, 0.0, 0.0)
+    bias: tuple[Rate, Rate, Rate] = (0.0, 0.0, 0.0)
     """Gyroscope bias, rad/s."""
-    angular_velocity: Vector3 | None = None
+    angular_velocity: tuple[Rate, Rate, Rate] | None = None
     """Estimate of the angular velocity, rad/s; null takes the first measurement less the bias."""
 
     @field_validator("attitude")
@@ -205,6 +207,8 @@ class PointsConfiguration(Configuration):
         if points is None:
             return None
         places = list(points.values())
+        if len(set(places)) < len(places):
+            raise ValueError("two points are at one place, so that nothing lies between them")
         apart = [tuple(a - b for a, b in zip(place, places[0], strict=True)) for place in places]
         if len(points) < 3 or not any(_sine2(a, b) > 1e-6 for a in apart for b in apart):
             raise ValueError("three points are needed that are not on one line [REL, (9)-(12)]")

@@ -1,5 +1,7 @@
 """3 x 3 matrices as tuples of 9 in rows, for kernels: numba keeps them in registers."""
 
+from math import sqrt
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -132,6 +134,15 @@ def symmetric(A: Matrix) -> Matrix:
     """Return Ps(A) = (A + A^T)/2."""
     b, c, f = 0.5 * (A[1] + A[3]), 0.5 * (A[2] + A[6]), 0.5 * (A[5] + A[7])
     return (A[0], b, c, b, A[4], f, c, f, A[8])
+
+
+@kernel
+def norm(A: Matrix) -> float:
+    """Frobenius norm |A|."""
+    total = 0.0
+    for a in A:
+        total += a * a
+    return sqrt(total)
 
 
 @kernel

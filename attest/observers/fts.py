@@ -37,7 +37,6 @@ from attest.observers.observer import (
     initial_omega,
     mean_rate,
     record,
-    refuse_divergence,
     segments,
     steps,
 )
@@ -49,6 +48,10 @@ Numbers = tuple[float, float, float, float, float, float]
 State = tuple[Quaternion, Vector, Vector]
 """q, omega, beta_hat."""
 
+SIGMAS = 3.0
+"""The bound of normal noise, in standard deviations."""
+ENOUGH = 100
+"""Samples from which a run's noise can be told."""
 FLOOR = 1e-30
 """Least s.s and Psi.Psi that are raised to a negative power."""
 
@@ -187,7 +190,6 @@ def estimate(samples: Samples, config: Config) -> Estimates:
         start = (so3.as_quaternion(q), so3.as_vector(omega), so3.as_vector(beta))
         L = gain_matrices(samples, part, config.weights)
         run(steps(samples, part), samples.substeps[part], gyro, L, start, numbers, out[part])
-        refuse_divergence("fts", samples.t[part], out[part])
         beta = out[part.stop - 1, 7:10]
     return estimates("fts", samples, out, states={"psi_norm": out[:, 12]})
 
@@ -203,25 +205,28 @@ def lyapunov(found: Estimates, config: Config, beta_tilde: Array) -> Array:
 
 
 def promises(samples: Samples, found: Estimates, config: Config) -> tuple[Claim, ...]:
-    """Compare |s_L| with the set that Corollary 1 promises for the log's gyroscope noise.
+    """Compare |s_L| with what Corollary 1 says for the log's gyroscope noise.
 
     From V' <= -k_p kappa S^(2/p) - k_v P^(2/p) + k_p S eps, (74): whatever P is, V falls outside of
     S = (eps/kappa)^(p/(2 - p)). The corollary knows no noise of the vectors.
     """
-    gains = config.gains
-    noise = 3.0 * gyro_noise(samples)
-    bound = (noise / gains.kappa) ** (gains.p / (2.0 - gains.p))
-    seen = float(np.percentile(found.s_norm[len(found.s_norm) // 2 :], 95))
-    angle = np.rad2deg(bound / sum(sorted(config.weights.k)[:2]))
+    gains, K = config.gains, sorted(config.weights.k)
+    sigma = gyro_noise(samples)
+    level = (SIGMAS * sigma / gains.kappa) ** (gains.p / (2.0 - gains.p))
+    angle = np.rad2deg(level / (K[0] + K[1]))
+    half = found.s_norm[len(found.s_norm) // 2 :]
+    seen = float(np.percentile(half, 95))
+    told = samples.valid.any() and len(half) >= ENOUGH and level < K[1] + K[2]
     return (
         Claim(
-            statement=f"|s_L| stays within {bound:.3g} ({angle:.2g}° about the weakest axis) under "
-            f"gyroscope noise of {np.rad2deg(noise):.3g} °/s",
+            statement=f"V falls wherever |s_L| exceeds {level:.3g} ({angle:.2g}° about the weakest "
+            f"axis), for gyroscope noise within {SIGMAS:g} x {np.rad2deg(sigma):.3g} °/s",
             source="FTS, Corollary 1",
-            seen=f"{seen:.3g} (95 % of the second half); noise of the vectors is not in the bound",
-            holds=seen <= bound,
+            seen=f"|s_L| is within {seen:.3g} in 95 % of the second half; noise of the vectors is "
+            "not in the corollary",
+            holds=seen <= level if told else None,
             value=seen,
-            bound=bound,
+            bound=level,
         ),
     )
 

@@ -38,8 +38,9 @@ class Observer:
     """Its configuration, whose defaults are the shipped ones."""
     estimate: Callable[[Samples, Any], Estimates]
     """Run it over samples with its configuration."""
-    lyapunov: Callable[[Estimates, Any, Array], Array] | None = None
-    """The paper's Lyapunov function, shape (n,), given beta_hat - beta, rad/s, (n, 3)."""
+    lyapunov: Callable[[Estimates, Any, Array], Array | None] | None = None
+    """The paper's Lyapunov function, shape (n,), given beta_hat - beta, rad/s, (n, 3); None where
+    the gains leave it without one."""
     promises: Callable[[Samples, Estimates, Any], tuple[Claim, ...]] | None = None
     """What its theory promises of this run, against what was seen."""
 
@@ -175,6 +176,9 @@ def _matrices(samples: Samples, part: slice, weights: Weights, known: Array) -> 
     E = samples.inertial if len(samples.inertial) == 1 else samples.inertial[part]
     U, valid = samples.body[part], samples.valid[part]
     if isinstance(weights, VectorWeights) and weights.w is not None:
+        if weights.w and not weights.w.keys() & set(samples.names):
+            named, held = ", ".join(weights.w), ", ".join(samples.names) or "none"
+            raise ConfigError(f"weights.w: names {named}, and none is used. Vectors: {held}.")
         w = np.array([weights.w.get(name, 1.0) for name in samples.names])
         wahba.diagonal_gain_matrices(E, U, valid, w, L, known)
     else:
@@ -196,7 +200,15 @@ def record(
 def estimates(
     name: str, samples: Samples, out: Array, *, bias: bool = True, **other: Any
 ) -> Estimates:
-    """Make estimates of what `record` left, shape (n, 12 or more)."""
+    """Make estimates of what `record` left, shape (n, 12 or more).
+
+    Raises
+    ------
+    ConfigError
+        They are not finite.
+    """
+    for part in segments(samples):
+        refuse_divergence(name, samples.t[part], out[part])
     return Estimates(
         observer=name,
         t=samples.t,

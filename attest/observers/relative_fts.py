@@ -35,7 +35,6 @@ from attest.observers.observer import (
     initial_attitude,
     mean_rate,
     record,
-    refuse_divergence,
     segments,
     steps,
 )
@@ -189,7 +188,6 @@ def estimate(samples: Samples, config: Config) -> Estimates:
         q = so3.as_quaternion(initial_attitude(samples, part, config.initial))
         h, substeps = steps(samples, part), samples.substeps[part]
         run(h, substeps, Omega_f[part], Gamma, q, gains.k_p, gains.p, out[part])
-        refuse_divergence("relative_fts", samples.t[part], out[part])
     frames = None if config.points is None else ("object", "observer")
     states = {"filtered_rate": Omega_f}
     return estimates("relative_fts", samples, out, bias=False, states=states, frames=frames)

@@ -100,7 +100,8 @@ def _signals(samples: Samples, part: slice) -> list[Array]:
     for name in ("accel", "mag"):
         if name in samples.names and samples.length is not None:
             i = samples.names.index(name)
-            signals.append(samples.length[part, i, np.newaxis] * samples.body[part, i])
+            seen = samples.valid[part, i] * samples.length[part, i]  # the package skips zeros
+            signals.append(seen[:, np.newaxis] * samples.body[part, i])
     return signals
 
 

@@ -122,10 +122,12 @@ def _disturbance(result: Result) -> dict[str, Any] | None:
         return None
     figures: dict[str, Any] = {"last_nm": found[-1].tolist(), "rmse_nm": None}
     true = recording.signals.get("disturbance_torque")
-    if true is not None:
-        at, known = (t - true.t[0] for t in (estimates.t, true.t))
-        off = found - np.stack([np.interp(at, known, column) for column in true.y.T], axis=1)
-        within = (at >= 0) & (at <= known[-1])
+    plant = result.configuration.get("plant")
+    known = isinstance(plant, Mapping) and plant.get("inertia") is not None
+    if true is not None and known:
+        at, told = (t - true.t[0] for t in (estimates.t, true.t))
+        off = found - np.stack([np.interp(at, told, column) for column in true.y.T], axis=1)
+        within = (at >= 0) & (at <= told[-1])
         if within.any():
             figures["rmse_nm"] = float(np.sqrt(np.mean(np.sum(off[within] ** 2, axis=1))))
     return figures
@@ -151,5 +153,5 @@ def _against_model(result: Result) -> dict[str, Any]:
 
 def _growth(result: Result) -> float | None:
     """Return the most that the Lyapunov function grew in one step; rounding is right."""
-    V = result.estimates.lyapunov
-    return None if V is None or len(V) < 2 else float(np.diff(V).max())
+    V, within = result.estimates.lyapunov, ~result.samples.restart[1:]
+    return None if V is None or not within.any() else float(np.diff(V)[within].max())

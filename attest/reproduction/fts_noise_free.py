@@ -11,6 +11,7 @@ import numpy as np
 from attest import simulation
 from attest.claims import Claim
 from attest.reproduction.experiment import (
+    REGRESSION,
     Array,
     Experiment,
     Panel,
@@ -55,7 +56,7 @@ def reproduce(_seeds: Iterable[int]) -> Experiment:
         name="fts-7.1",
         title="Finite-time convergence from upside down, without noise",
         paper="Sanyal, Warier, Hamrah, section 7.1, Fig. 1",
-        seeds=1,
+        seeds=0,
         claims=_claims(t, error, np.linalg.norm(beta_tilde, axis=1), V),
         panels={"fts-7.1-fig1": panels},
         notes=(
@@ -78,9 +79,11 @@ def _claims(t: Array, error: Array, bias: Array, V: Array) -> tuple[Claim, ...]:
             holds=arrived is not None,
             value=arrived,
         ),
-        at_most("attitude error from 5.5 s on below 1°", "Fig. 1", after(t, error, 5.5), 1.0, "°"),
-        at_most("attitude error from 20 s on", "Fig. 1", after(t, error, 20.0), 1e-6, "°"),
-        at_most("bias error at 30 s", "Fig. 1", float(bias[-1]), 1e-8, "rad/s"),
+        at_most(
+            "attitude error from 5.5 s on below 1°", REGRESSION, after(t, error, 5.5), 1.0, "°"
+        ),
+        at_most("attitude error from 20 s on", REGRESSION, after(t, error, 20.0), 1e-6, "°"),
+        at_most("bias error at 30 s", REGRESSION, float(bias[-1]), 1e-8, "rad/s"),
         at_most(
             "the Lyapunov function never grows",
             "Theorem 1, (56)",

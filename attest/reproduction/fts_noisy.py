@@ -28,6 +28,7 @@ from attest.reproduction.experiment import (
 )
 from attest.reproduction.fts_noise_free import GAINS, WEIGHTS
 from attest.samples import Samples
+from attest.simulation.experiment import H
 from attest.simulation.flight import Flight
 
 PAPER = "Sanyal, Warier, Hamrah, section 7.2"
@@ -35,6 +36,8 @@ CASE_I = "fts-7.2-high"
 """The scenario whose noise GAME expects."""
 STEADY = 15.0
 """s, from when on an error is steady."""
+AS_QUICKLY = 1.5
+"""Comparable settling: within this factor of the slowest of the others."""
 NEAR = 10.0
 """Degrees: settling is measured to this."""
 BIAS_STD = np.radians(5.7)
@@ -89,7 +92,8 @@ def high(seeds: Sequence[int]) -> Experiment:
             statement=f"FTS settles as quickly as the others: first below {NEAR:g}°",
             source="7.2.1, Fig. 2",
             seen=", ".join(f"{name.upper()} {value:.2f} s" for name, value in settle.items()),
-            holds=settle["fts"] <= 1.5 * max(value for k, value in settle.items() if k != "fts"),
+            holds=settle["fts"]
+            <= AS_QUICKLY * max(value for k, value in settle.items() if k != "fts"),
             value=settle["fts"],
         ),
     )
@@ -102,11 +106,8 @@ def low(seeds: Sequence[int]) -> Experiment:
     t, found = seconds(flights[0]), _all(flights)
     rms = {name: _steady(t, series.error) for name, series in found.items()}
     lost = found["game"].lost
-    by_paper = _steady(t, _series(flights, "game", PAPER_Q_B).error)
-    hindsight = _fitted(_flights(CASE_I, seeds))
-    fitted = _steady(t, _series(flights, "game", hindsight).error)
     claims = (
-        *_against_game(rms, by_paper, hindsight, fitted),
+        *_against_game(rms, _other_tunings(flights, seeds)),
         Claim(
             statement="FTS and VAE filter the noise: below the 0.95° of a vector",
             source="7.2.2, Fig. 3",
@@ -134,37 +135,34 @@ def low(seeds: Sequence[int]) -> Experiment:
     return _experiment("fts-7.2-low", "Low noise, gains as before", "7.2.2", t, found, claims)
 
 
-def _against_game(
-    rms: Mapping[str, float], by_paper: float, hindsight: float, fitted: float
-) -> tuple[Claim, ...]:
-    """Hold FTS against GAME as tuned, with the paper's Q_b, and with the best one of case I."""
-    figures = ", ".join(f"{name.upper()} {value:.3f}°" for name, value in rms.items())
-    ratio = rms["game"] / rms["fts"]
-    return (
+def _other_tunings(flights: Sequence[Flight], seeds: Sequence[int]) -> dict[str, float]:
+    """Return the steady error of GAME tuned in other ways, by words for them."""
+    t = seconds(flights[0])
+    best = _fitted(_flights(CASE_I, seeds))
+    tunings = {
+        "with the noise as intensities (variance times h), Q_b = 0": (Q_B, H),
+        "with the noise per sample, Q_b = I as section 6.2 reads": (PAPER_Q_B, 1.0),
+        f"with the noise per sample, Q_b = {best:g} I of the least error in case I": (best, 1.0),
+    }
+    return {
+        how: _steady(t, _series(flights, "game", q_b, per).error)
+        for how, (q_b, per) in tunings.items()
+    }
+
+
+def _against_game(rms: Mapping[str, float], others: Mapping[str, float]) -> tuple[Claim, ...]:
+    """Hold FTS against GAME as it may be tuned for case I."""
+    every = {"with the noise per sample, Q_b = 0": rms["game"], **others}
+    return tuple(
         Claim(
-            statement="FTS is at least 3 times better than GAME tuned for case I",
+            statement=f"FTS is at least 3 times better than GAME tuned for case I, {how}",
             source="7.2.2, Fig. 3",
-            seen=f"{figures}: FTS better by a factor of {ratio:.2f}",
-            holds=ratio >= 3.0,
-            value=ratio,
+            seen=f"FTS {rms['fts']:.3f}°, GAME {error:.3f}°: a factor of {error / rms['fts']:.2f}",
+            holds=error >= 3.0 * rms["fts"],
+            value=error / rms["fts"],
             bound=3.0,
-        ),
-        Claim(
-            statement="… also with Q_b = I, as the paper's text reads",
-            source="6.2, 7.2.2",
-            seen=f"GAME {by_paper:.3f}°: FTS better by a factor of {by_paper / rms['fts']:.2f}",
-            holds=by_paper >= 3.0 * rms["fts"],
-            value=by_paper / rms["fts"],
-            bound=3.0,
-        ),
-        Claim(
-            statement=f"… also with the Q_b of the least error in case I, {hindsight:g}",
-            source="7.2.2",
-            seen=f"GAME {fitted:.3f}°: FTS better by a factor of {fitted / rms['fts']:.2f}",
-            holds=fitted >= 3.0 * rms["fts"],
-            value=fitted / rms["fts"],
-            bound=3.0,
-        ),
+        )
+        for how, error in every.items()
     )
 
 
@@ -183,11 +181,11 @@ def _flights(scenario: str, seeds: Sequence[int]) -> list[Flight]:
     return [simulation.simulate(scenario, seed) for seed in seeds]
 
 
-def _series(flights: Sequence[Flight], name: str, q_b: float) -> Series:
+def _series(flights: Sequence[Flight], name: str, q_b: float, per: float = 1.0) -> Series:
     errors, lost = [], []
     for flight in flights:
         given = samples(flight)
-        found = run(given, _configuration(name, flight, given, q_b))
+        found = run(given, _configuration(name, flight, given, (q_b, per)))
         errors.append(attitude_error(found.q, flight))
         if (moment := _lost(found)) is not None:
             lost.append(moment)
@@ -201,8 +199,14 @@ def _lost(found: Estimates) -> float | None:
     return float(found.t[int(np.argmax(lost > 0.0))] - found.t[0]) * 1e-9
 
 
-def _configuration(name: str, flight: Flight, given: Samples, q_b: float) -> Configuration:
-    """Return an observer's gains and start by section 7.2, the same in both cases."""
+def _configuration(
+    name: str, flight: Flight, given: Samples, tuning: tuple[float, float]
+) -> Configuration:
+    """Return an observer's gains and start by section 7.2, the same in both cases.
+
+    The tuning is GAME's: Q_b, and the time by which a variance becomes an intensity.
+    """
+    q_b, per = tuning
     P_a = flight.constants["attitude_std"][0] ** 2
     beta = np.array(flight.constants["initial_bias"])
     residual = np.cross(given.body[0], given.inertial[0]).sum(axis=0)  # R_hat(0) = I
@@ -212,8 +216,8 @@ def _configuration(name: str, flight: Flight, given: Samples, q_b: float) -> Con
         "vae": {"m": 0.5, "D": [2.4, 2.6, 2.8], "P": [1.0 / 0.3] * 3},
         "cgo": {"k_p": P_a, "k_i": 0.3},
         "game": {
-            "q": 1.0 / np.radians(30.0) ** 2,
-            "Q_Omega": np.radians(25.0) ** 2,
+            "q": 1.0 / (np.radians(30.0) ** 2 * per),
+            "Q_Omega": np.radians(25.0) ** 2 * per,
             "Q_b": q_b,
             "attitude_deg": float(np.degrees(np.sqrt(P_a))),
             "bias_deg_s": float(np.degrees(BIAS_STD)),
@@ -265,8 +269,9 @@ def _experiment(
             "The paper gives no K and no P here: K = diag(3, 2, 1) for FTS and VAE, P = I/0.3; "
             "FTS has the gains of 7.1, CGO and GAME unit weights on each vector.",
             "GAME is tuned by what case I is: Q_i = I/(30°)², Q_Omega = (25°/s)² I, P_b(0) = "
-            "(0.1 rad/s)² I, and Q_b = 0, since the bias is constant. What it does in case II "
-            "hangs on Q_b, hence the other two.",
+            "(0.1 rad/s)² I, and Q_b = 0, since the bias is constant. This is noise per sample, as "
+            "the paper's B and D read; (83)-(85) are in continuous time, whose intensities are "
+            "that times h. What GAME does in case II hangs on it and on Q_b, hence the others.",
             "As the paper has it, omega(0) = P_a(0) l(0) for FTS and VAE and K_P = P_a(0), with "
             f"P_a(0) = (60°)². An error is steady from {STEADY:g} s on; RMS over all seeds.",
         ),

@@ -12,6 +12,7 @@ import numpy as np
 from attest import simulation
 from attest.claims import Claim
 from attest.reproduction.experiment import (
+    REGRESSION,
     Array,
     Experiment,
     Panel,
@@ -65,7 +66,7 @@ def _claims(
     return (
         at_most(
             "without noise the error falls below 0.3° within 2 s and stays there",
-            "Theorem 3.1, Fig. 2",
+            REGRESSION,
             after(t, error, 2.0),
             0.3,
             "° at most from 2 s on",

@@ -31,7 +31,7 @@ def write(experiment: Experiment, folder: Path) -> Iterator[Path]:
 
 def markdown(experiment: Experiment) -> str:
     """Return the table for people."""
-    seeds = "nothing in it is random" if experiment.seeds == 1 else f"{experiment.seeds} seeds"
+    seeds = f"{experiment.seeds} seeds" if experiment.seeds else "nothing in it is random"
     lines = [
         f"# {experiment.name}: {experiment.title}",
         "",

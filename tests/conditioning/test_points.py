@@ -265,5 +265,5 @@ def test_vectors_of_a_log_with_a_gyroscope_are_on_its_stamps():
 
 
 def test_without_a_model_or_known_vectors_a_gyroscope_is_needed():
-    with pytest.raises(ReadError, match="no 'gyro' signal"):
+    with pytest.raises(ReadError, match="feature points and no gyroscope"):
         condition(log(), relative_fts.Config())

@@ -79,7 +79,7 @@ def test_one_direction_leaves_the_turn_about_it_open_and_none_leaves_all():
     assert found.holds is False
     assert found.seen == (
         "two directions or more in 75.0% of the steps, 37° apart (37° at the least); one in 15.0%: "
-        "the turn about it is not observable then; none in 10.0%: the gyroscope alone"
+        "the turn about it is not observable then; none in 10.0%: the rate alone carries it"
     )
     nothing = seen(np.empty((0, 3)))
     assert "none in 100.0%" in claim(attested(nothing, estimated()), "two independent").seen

@@ -48,7 +48,9 @@ def test_in_high_noise_the_four_are_alike_in_the_end(reproduced):
 @pytest.mark.slow
 def test_in_low_noise_what_comes_out_is_said_and_what_does_not_too(reproduced):
     done = reproduced("fts-7.2-low", 50)
-    assert claim(done, "3 times better than GAME tuned").value >= 3.0
+    tuned = {each.statement.split("case I, ")[-1]: each for each in done.claims}
+    assert tuned["with the noise per sample, Q_b = 0"].value >= 3.0
+    assert claim(done, "as intensities").holds is False
     assert claim(done, "FTS and VAE filter").holds
     assert claim(done, "CGO does not converge").holds is False
     assert claim(done, "GAME becomes singular").holds is False
@@ -68,7 +70,7 @@ def test_the_relative_experiment_ends_at_the_lag_of_its_filter(reproduced):
 def test_the_disturbance_experiment_follows_the_disturbance(reproduced):
     done = reproduced("eso-6", 3)
     assert set(verdicts(done).values()) == {True}
-    assert claim(done, "attitude error converges").value < 0.05
+    assert claim(done, "without noise the attitude error converges").value < 0.05
     assert claim(done, "disturbance is followed").value == pytest.approx(0.0144, abs=5e-4)
 
 
