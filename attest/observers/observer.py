@@ -176,7 +176,7 @@ def _matrices(samples: Samples, part: slice, weights: Weights, known: Array) -> 
     E = samples.inertial if len(samples.inertial) == 1 else samples.inertial[part]
     U, valid = samples.body[part], samples.valid[part]
     if isinstance(weights, VectorWeights) and weights.w is not None:
-        if weights.w and not weights.w.keys() & set(samples.names):
+        if weights.w and samples.names and not weights.w.keys() & set(samples.names):
             named, held = ", ".join(weights.w), ", ".join(samples.names) or "none"
             raise ConfigError(f"weights.w: names {named}, and none is used. Vectors: {held}.")
         w = np.array([weights.w.get(name, 1.0) for name in samples.names])
