@@ -267,8 +267,18 @@ def test_a_log_whose_stem_is_dots_stays_in_the_output_folder(tmp_path, sample_lo
     assert list((tmp_path / "out").glob("*/fts.json"))
 
 
-def test_one_log_that_does_not_suit_leaves_the_others_to_run(tmp_path, sample_logs):
-    done = attest("run", sample_logs, "--reference", "SIMSTATE", "--output", tmp_path, "-q")
+@pytest.fixture
+def two_logs(tmp_path, sample_logs):
+    """Make a folder with two of the sample logs."""
+    folder = tmp_path / "two"
+    folder.mkdir()
+    for name in ("quadcopter.tlog", "quadcopter_truth.csv"):
+        (folder / name).write_bytes((sample_logs / name).read_bytes())
+    return folder
+
+
+def test_one_log_that_does_not_suit_leaves_the_others_to_run(tmp_path, two_logs):
+    done = attest("run", two_logs, "--reference", "SIMSTATE", "--output", tmp_path, "-q")
     assert done.returncode == 1
     assert "no reference 'SIMSTATE'" in done.stderr
     assert (tmp_path / "quadcopter" / "fts.json").is_file()
@@ -313,7 +323,7 @@ def test_an_output_whose_name_is_too_long_is_one_line(tmp_path, sample_logs):
     assert done.stderr.count("\n") == 1
 
 
-def test_json_of_several_logs_is_a_line_each(tmp_path, sample_logs):
-    done = attest("run", sample_logs, "--output", tmp_path, "--json")
+def test_json_of_several_logs_is_a_line_each(tmp_path, two_logs):
+    done = attest("run", two_logs, "--output", tmp_path, "--json")
     documents = [json.loads(line) for line in done.stdout.splitlines()]
     assert [document["schema"] for document in documents] == [1, 1]

@@ -12,15 +12,26 @@ Scenarios:
   quadcopter, fixed-wing, handheld, spacecraft, docking, and the papers'
   fts-7.1, fts-7.2-high, fts-7.2-low, vae-6, rel-4, rel-4-noise, eso-6, eso-6-noise
 \b
+Formats, by the output's suffix:
+  .tlog, .BIN (ArduPilot), .ulg (PX4), .csv, .bag (ROS 1), .mcap, .db3 (ROS 2);
+  a name without suffix is a folder of ROS 2. ROS logs are in its own axes
+\b
 Examples:
   attest simulate quadcopter -o quadcopter.tlog
+  attest simulate quadcopter -o quadcopter_ros2
   attest simulate handheld -o slow.csv --rate gyro=20 --gap 10:15 --bias gyro=0.1,0,0
 """
 
 
 @click.command(epilog=EPILOG)
 @click.argument("scenario")
-@click.option("--output", "-o", required=True, type=click.Path(path_type=Path), help="File.")
+@click.option(
+    "--output",
+    "-o",
+    required=True,
+    type=click.Path(path_type=Path),
+    help="File, or folder of ROS 2.",
+)
 @click.option("--truth", type=click.Path(path_type=Path), help="True attitude, as CSV.")
 @click.option(
     "--seed",

@@ -35,7 +35,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
     Raises
     ------
     ReadError
-        There is no gyroscope, or not what the options ask for.
+        There are neither gyroscope nor feature points, or not what the options ask for.
     """
     decoded = Decoded()
     form, crate = ros_files.read(path, decoded.settle)
@@ -47,18 +47,18 @@ def read(path: Path, options: ReadOptions) -> Recording:
     if options.imu is not None:
         topics = {"gyro": options.imu} | topics  # whose accelerometer is taken too
     chosen = ros_choose.choose(path, offers, topics, notes)
-    if "gyro" not in chosen:
+    main = chosen.get("gyro") or next((offer for offer in offers if offer.role == "point"), None)
+    if main is None:
         raise ReadError(f"{path}: {_nothing(counts)}")
-    gyro = chosen["gyro"]
-    world = _world(offers, gyro, options, notes)
-    log = _Log(path, offers, chosen, topics, world, notes, ros_clock.lag(gyro))
+    world = _world(offers, main, options, notes)
+    log = _Log(path, offers, chosen, topics, main, world, notes, ros_clock.lag(main))
     signals, references = _signals(log), _references(log)
     return Recording(
         path=path,
         format=form,
         signals=signals,
         references=references,
-        clock=_clock(signals["gyro"], log.lag),
+        clock=_clock(next(iter(signals.values())), log.lag),
         world=log.world,
         body="frd" if log.world == "ned" else "flu",
         notes=tuple(dict.fromkeys(notes)),
@@ -75,25 +75,27 @@ class _Log:
     chosen: Mapping[str, Offer]
     topics: Mapping[str, str]
     """That the user names, by role."""
+    main: Offer
+    """The gyroscope, or a feature point where there is none: its clock and frame are the log's."""
     world: World
     notes: list[Note]
     lag: Lag | None
-    """How far the recorder's clock is ahead of the gyroscope's."""
+    """How far the recorder's clock is ahead of the main topic's."""
 
 
-def _world(offers: Sequence[Offer], gyro: Offer, options: ReadOptions, notes: list[Note]) -> World:
+def _world(offers: Sequence[Offer], main: Offer, options: ReadOptions, notes: list[Note]) -> World:
     """Axes as declared; else PX4's, those of attest's own results, or REP-103's."""
     if options.world is not None:
         return options.world
-    if gyro.axes == "px4":
+    if main.axes == "px4":
         return "ned"
     own = ros_axes.fixed(offers).get(("map", "world"))
-    if own is not None and ros_choose.OWN in gyro.topic:
+    if own is not None and ros_choose.OWN in main.topic:
         if abs(float(own @ ros_axes.WORLD)) > 0.999:
             notes.append(Note("world north-east-down, as attest's own results say"))
             return "ned"
         return "enu"
-    accel = [offer.y for offer in offers if offer.role == "accel" and offer.topic == gyro.topic]
+    accel = [offer.y for offer in offers if offer.role == "accel" and offer.topic == main.topic]
     if accel and np.nanmedian(accel[0][:, 2]) < -5.0:
         notes.append(Note("accel_z is down: the sensor is upside down, or its driver does not keep "
                           "to REP-103: try --world ned", doubt=True))  # fmt: skip
@@ -102,16 +104,18 @@ def _world(offers: Sequence[Offer], gyro: Offer, options: ReadOptions, notes: li
 
 def _signals(log: _Log) -> dict[str, Signal]:
     found: dict[str, Signal] = {}
-    gyro, known = log.chosen["gyro"], ros_axes.fixed(log.offers)
+    known = ros_axes.fixed(log.offers)
     for role, offer in [*log.chosen.items(), *_points(log)]:
         right = in_tesla(offer, log.notes) if role == "mag" and offer.axes != "px4" else offer
         if role in _IN_BODY:
-            right = ros_axes.into_body(right, gyro.frame, known, log.notes)
+            right = ros_axes.into_body(right, log.main.frame, known, log.notes)
         if (signal := _signal(log, _turned(log, right))) is not None:
             found[role] = signal
-    if "gyro" not in found:
-        raise ReadError(f"{log.path}: no gyroscope sample in {gyro.topic} can be used. "
+    if log.main.role == "gyro" and "gyro" not in found:
+        raise ReadError(f"{log.path}: no gyroscope sample in {log.main.topic} can be used. "
                         "Choose another: --set input.topics.gyro=TOPIC.")  # fmt: skip
+    if not found:
+        raise ReadError(f"{log.path}: no feature point can be used. Record the log again.")
     return found
 
 
@@ -119,7 +123,7 @@ def _turned(log: _Log, offer: Offer) -> Offer:
     """Turn values from the axes of their source to the log's; points stay in their sensor's."""
     if offer.role == "point":
         return offer
-    foreign = log.chosen["gyro"].axes == "px4" and offer.axes != "px4"
+    foreign = log.main.axes == "px4" and offer.axes != "px4"
     own: World = "ned" if offer.axes == "px4" else "enu" if foreign else log.world
     return ros_axes.axes(offer, own, log.world)
 
@@ -153,7 +157,7 @@ def _points(log: _Log) -> Iterator[tuple[str, Offer]]:
 
 
 def _references(log: _Log) -> dict[str, Reference]:
-    gyro, known = log.chosen["gyro"], ros_axes.fixed(log.offers)
+    main, known = log.main, ros_axes.fixed(log.offers)
     held = [
         offer
         for offer in log.offers
@@ -167,11 +171,11 @@ def _references(log: _Log) -> dict[str, Reference]:
     found: list[tuple[tuple[object, ...], Reference]] = []
     for offer in held:
         worth = ros_choose.kind(offer, log.notes)
-        turned = _turned(log, ros_axes.of_body(offer, gyro.frame, known, log.notes))
+        turned = _turned(log, ros_axes.of_body(offer, main.frame, known, log.notes))
         if (attitude := _attitude(log, turned)) is not None:
             order = (
                 offer.name != best.name if best else False,
-                *ros_choose.rank(offer, worth, gyro),
+                *ros_choose.rank(offer, worth, main),
             )
             t, q = attitude
             found.append((order, Reference(offer.name, worth, t, q)))
@@ -192,9 +196,9 @@ def _attitude(log: _Log, offer: Offer) -> tuple[Ints, Array] | None:
     return t[good], quaternion.continuous(quaternion.normalize(q[good]))
 
 
-def _clock(gyro: Signal, lag: Lag | None) -> Clock:
+def _clock(main: Signal, lag: Lag | None) -> Clock:
     name = "recorder's time" if lag is None or (lag.far and not lag.steady) else "ROS time"
-    return Clock(name, 0 if gyro.t[0] > UNIX else None)
+    return Clock(name, 0 if main.t[0] > UNIX else None)
 
 
 def _topics(

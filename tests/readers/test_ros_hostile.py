@@ -223,7 +223,8 @@ def test_any_change_gives_a_recording_or_one_line(tmp_path, kind):
             data[at : at + size] = chance.choice([b"", bytes(size), b"\xff" * size])
         path.write_bytes(data)
         with suppress(ReadError):
-            assert len(readers.read(path).signals["gyro"].t) <= 30
+            # points that stand alone are a recording too
+            assert all(len(one.t) <= 30 for one in readers.read(path).signals.values())
 
 
 def test_a_folder_that_lacks_a_file_says_so(tmp_path):
