@@ -16,6 +16,8 @@ STEADY = SECOND
 """Stamps that keep their distance from the recorder's by this much tell time, if not the date."""
 MOST = 100_000
 """Messages from which the distance is taken, evenly from all."""
+LARGEST = 1e9
+"""Of any value in any unit; squares of more may overflow, and no sensor measures it."""
 LATEST = 1 << 62
 """Nanoseconds, the year 2116: differences of such stamps do not overflow."""
 
@@ -111,8 +113,12 @@ def _span(ns: int) -> str:
 
 
 def finite(offer: Offer, y: Array, notes: list[Note]) -> NDArray[np.bool_]:
-    """Mark the values that are numbers, and count the others."""
+    """Mark the values that are numbers of a size that something has, and count the others."""
     good: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(y), axis=1)
     if lost := int((~good).sum()):
         notes.append(Note(f"{offer.topic} {offer.role} not finite dropped", lost))
+    wild = good & np.logical_or.reduce(np.abs(y) > LARGEST, axis=1)
+    if lost := int(wild.sum()):
+        notes.append(Note(f"{offer.topic} {offer.role} beyond {LARGEST:g} dropped", lost))
+    good &= ~wild
     return good

@@ -278,3 +278,16 @@ def test_definitions_that_never_end_are_not_asked_for(tmp_path):
     connection.close()
     recording = readers.read(path)
     assert len(recording.signals["gyro"].t) == 50
+
+
+def test_numbers_that_no_sensor_measures_are_dropped_and_counted(tmp_path):
+    log = flight(Log("bag"))
+    for i in range(50):
+        x = (1e300, float("inf"))[i] if i < 2 else 1.0
+        log.add("/velocity", "geometry_msgs/msg/TwistStamped", i * 10**7, 1000, "map",
+                twist={"linear": xyz(x, 2.0, 3.0)})  # fmt: skip
+    recording = readers.read(log.write(tmp_path))
+    assert len(recording.signals["velocity"].t) == 48
+    counts = {note.text: note.count for note in recording.notes}
+    assert counts["/velocity velocity beyond 1e+09 dropped"] == 1
+    assert counts["/velocity velocity not finite dropped"] == 1
