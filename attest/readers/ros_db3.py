@@ -3,7 +3,6 @@
 import sqlite3
 from collections.abc import Sequence
 from contextlib import closing
-from itertools import islice
 from operator import methodcaller
 from pathlib import Path
 from typing import Any
@@ -16,9 +15,17 @@ MAGIC = b"SQLite format 3\0"
 _PLAIN = "SELECT count(*) FROM sqlite_master WHERE name = ? AND type = 'table'"
 _VIRTUAL = "SELECT count(*) FROM sqlite_master WHERE name = ? AND rootpage = 0"
 _HEAD, _SMALLEST_PAGE = 100, 512
-_ROWS = 1024
+_ROWS, _BYTES = 1024, 8 << 20
+"""Fetched at once."""
+_TYPED = (
+    "CASE typeof(timestamp) WHEN 'integer' THEN timestamp END, "
+    "CASE typeof(data) WHEN 'blob' THEN data END"
+)
+"""Other types are none: a text takes more room as text than it has in the file."""
 _STEPS = 100_000
 """Between looks at how long a query works; SQLite's own steps."""
+_BROKEN = (sqlite3.Error, MemoryError)
+"""What SQLite raises; it is out of memory where a broken row says that it is longer than allowed."""
 _is_packed = methodcaller("startswith", ZSTD)
 _FORMS = {"ros2msg": "msg", "ros2idl": "idl"}
 
@@ -33,8 +40,9 @@ def read(path: Path, crate: Crate) -> None:
         with closing(_opened(path, size)) as connection:
             _guard(connection, size)
             _read(connection, crate)
-    except (sqlite3.Error, ValueError, OverflowError) as error:
-        text = f"database broken ({str(error)[:60]}), read as far as it goes"
+    except (*_BROKEN, ValueError, OverflowError) as error:
+        reason = str(error)[:60] or "a row that does not fit into it"
+        text = f"database broken ({reason}), read as far as it goes"
         crate.damage[text] += 1
 
 
@@ -128,20 +136,31 @@ def _among(topics: dict[Any, Topic]) -> str:
 
 def _messages(connection: sqlite3.Connection, topics: dict[Any, Topic], crate: Crate) -> None:
     """Read the messages of all wanted topics in one pass."""
-    query = f"SELECT topic_id, timestamp, data FROM messages WHERE {_among(topics)}"  # noqa: S608
+    query = f"SELECT topic_id, {_TYPED} FROM messages WHERE {_among(topics)}"  # noqa: S608
     cursor = connection.execute(query, list(topics))
-    broken: sqlite3.Error | None = None
+    broken: Exception | None = None
     while broken is None and crate.has_room():
         rows: list[Any] = []
         try:
-            rows.extend(islice(cursor, _ROWS))
-        except sqlite3.Error as error:
+            crate.effort -= _fetch(cursor, rows)
+        except _BROKEN as error:
             broken = error  # once what came before it is taken in
         if not rows:
             break
         _take(rows, topics, crate)
     if broken is not None:
         raise broken
+
+
+def _fetch(cursor: sqlite3.Cursor, rows: list[Any]) -> int:
+    """Fetch some rows, and return their bytes: where pages are shared, more than the file's."""
+    held = 0
+    for row in cursor:
+        rows.append(row)
+        held += len(row[2] or b"")
+        if held > _BYTES or len(rows) == _ROWS:
+            break
+    return held
 
 
 def _take(rows: list[Any], topics: dict[Any, Topic], crate: Crate) -> None:

@@ -23,6 +23,8 @@ _BROKEN = (McapError, struct.error, ValueError, LookupError, OverflowError)
 _RECORD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<BQHIQQ")
 _KINDS: dict[int, Any] = {Opcode.SCHEMA: Schema, Opcode.CHANNEL: Channel, Opcode.CHUNK: Chunk}
+_NO_OPCODE = 0
+"""By the format's definition: what begins so is no record."""
 _LATEST = 1 << 63
 """Stamps from here on are no time."""
 
@@ -67,6 +69,8 @@ def _read_all(file: BinaryIO, size: int, mcap: _Mcap) -> bool:
         opcode, length = _RECORD.unpack(file.read(_RECORD.size))
         if opcode == Opcode.DATA_END:
             return True
+        if opcode == _NO_OPCODE:
+            return False
         if opcode in _KINDS:
             record = _parsed(opcode, file.read(min(length, size)))
             if not isinstance(record, Chunk):
@@ -120,7 +124,7 @@ def _walk(data: bytes, mcap: _Mcap) -> None:
     while at <= last:
         opcode, length, channel, _, stamp, _ = take(data, at)
         start, at = at, at + _RECORD.size + length
-        if at > size:
+        if at > size or opcode == _NO_OPCODE:
             break
         if opcode == Opcode.MESSAGE:
             lists = held.get(channel) or _lists(channel, mcap)
@@ -131,7 +135,7 @@ def _walk(data: bytes, mcap: _Mcap) -> None:
             mcap.declare(_parsed(opcode, data[start + _RECORD.size : at]))
             held = mcap.intake.held
     if at != size:
-        raise ValueError("a record that is longer than its chunk")
+        raise ValueError("a record that is none, or longer than its chunk")
 
 
 def _lists(channel: int, mcap: _Mcap) -> tuple[Topic, list[int], list[bytes]] | None:

@@ -4,6 +4,7 @@ import bz2
 import random
 import sqlite3
 import struct
+import time
 import tracemalloc
 from contextlib import suppress
 
@@ -291,3 +292,49 @@ def test_numbers_that_no_sensor_measures_are_dropped_and_counted(tmp_path):
     counts = {note.text: note.count for note in recording.notes}
     assert counts["/velocity velocity beyond 1e+09 dropped"] == 1
     assert counts["/velocity velocity not finite dropped"] == 1
+
+
+def test_a_chunk_of_zeros_is_not_walked_as_records(tmp_path):
+    path = flight(Log("mcap-ros1")).write(tmp_path)
+    data = path.read_bytes()
+    zeros = bytes(MEGABYTE)
+    packed = zstandard.compress(zeros)
+    body = struct.pack("<QQQI", 0, 0, len(zeros), 0) + struct.pack("<I", 4) + b"zstd"
+    body += struct.pack("<Q", len(packed)) + packed
+    at = 8 + 9 + struct.unpack_from("<Q", data, 9)[0]
+    path.write_bytes(data[:at] + b"\x06" + struct.pack("<Q", len(body)) + body + data[at:])
+    recording = readers.read(path)
+    assert len(recording.signals["gyro"].t) == 50
+    assert doubts(recording) == {"chunk broken within, its rest left out": 1}
+    path.write_bytes(data[:at] + zeros)  # as a recorder leaves a file that it made room for
+    with pytest.raises(ReadError):
+        readers.read(path)
+
+
+def test_metadata_made_to_be_slow_costs_nothing(tmp_path):
+    path = flight(Log("mcap")).write(tmp_path)
+    (path / "metadata.yaml").write_text("a: b\n" * 200_000)
+    before = time.process_time()
+    assert len(readers.read(path).signals["gyro"].t) == 50
+    assert time.process_time() - before < 5.0  # a parser of YAML takes over 20
+
+
+def test_rows_of_a_database_that_share_their_pages_do_not_fill_the_memory():
+    data = bytes(MEGABYTE)
+    rows, cursor = [], iter([(1, 2, data)] * 1000)
+    held = ros_db3._fetch(cursor, rows)
+    assert held == len(rows) * MEGABYTE < 10 * MEGABYTE
+
+
+def test_a_row_for_which_sqlite_finds_no_memory_is_damage(tmp_path, monkeypatch):
+    path = file_of(flight(Log("db3")).write(tmp_path))
+
+    def fetch(cursor, rows):
+        rows.extend(cursor.fetchmany(20))
+        raise MemoryError
+
+    monkeypatch.setattr(ros_db3, "_fetch", fetch)
+    recording = readers.read(path)
+    assert len(recording.signals["gyro"].t) == 20
+    text = "database broken (a row that does not fit into it), read as far as it goes"
+    assert doubts(recording) == {text: 1}
