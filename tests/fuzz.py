@@ -16,6 +16,7 @@ import multiprocessing
 import random
 import resource
 import signal
+import struct
 import sys
 import tempfile
 import threading
@@ -41,7 +42,7 @@ SPAN = (20.0, 22.0)
 """Of the sample flight, s: small files are quick to read."""
 SUFFIXES = {"tlog": (".tlog",), "dataflash": (".bin",), "ulog": (".ulg",), "csv": (".csv",),
             "ros": (".bag", ".mcap", ".db3")}  # fmt: skip
-EXTRA = {"csv": (mutations.text,) * 8, "ros": (mutations.bomb,)}
+EXTRA = {"csv": (mutations.text,) * 8, "dataflash": (mutations.text,), "ros": (mutations.bomb,)}
 """Mutations of one format, by their weight beside the common ones."""
 HEAD = 16
 """Bytes that mostly stay, for a file that no reader knows tells nothing."""
@@ -68,6 +69,8 @@ def seeds(reader):
             found.append(file.read_bytes())
     if reader == "tlog":
         found.append(_raw(found[0]))
+    if reader == "dataflash":
+        found.append(_text(found[0]))
     return tuple(found)
 
 
@@ -95,6 +98,31 @@ def _raw(tlog):
         frames.append(tlog[at + 8 : end])
         at = end
     return b"".join(frames)
+
+
+def _text(log):
+    """Return an on-board log as text, as ground stations convert it."""
+    lines, formats, at = [], {}, 0
+    while at < len(log):
+        number = log[at + 2]
+        if number == 128:
+            kind, size, name, chars, columns = struct.unpack_from("<BB4s16s64s", log, at + 3)
+            told = [part.rstrip(b"\0").decode() for part in (name, chars, columns)]
+            formats[kind] = (told[0], np.dtype([("head", "V3"), *_fields(told[1])]))
+            lines.append(f"FMT, {kind}, {size}, {', '.join(told)}")
+        name, dtype = formats[number]
+        values = np.frombuffer(log, dtype, 1, at)[0].item()[1:]
+        if name in {"IMU", "MAG", "ATT", "GPS", "SIM", "XKF1"}:
+            lines.append(", ".join([name, *map(str, values)]))
+        at += dtype.itemsize
+    return "\n".join(lines).encode() + b"\n"
+
+
+def _fields(chars):
+    types = {"B": "u1", "b": "i1", "H": "<u2", "h": "<i2", "I": "<u4", "i": "<i4", "f": "<f4",
+             "d": "<f8", "Q": "<u8", "c": "<i2", "C": "<u2", "e": "<i4", "L": "<i4", "n": "S4",
+             "N": "S16", "Z": "S64"}  # fmt: skip
+    return [(f"f{i}", types[char]) for i, char in enumerate(chars)]
 
 
 def mutated(reader, number):

@@ -25,7 +25,7 @@ _TYPED = (
 _STEPS = 100_000
 """Between looks at how long a query works; SQLite's own steps."""
 _BROKEN = (sqlite3.Error, MemoryError)
-"""What SQLite raises; it is out of memory where a broken row says that it is longer than allowed."""
+"""What SQLite raises: it is out of memory where a broken row says that it is too long."""
 _is_packed = methodcaller("startswith", ZSTD)
 _FORMS = {"ros2msg": "msg", "ros2idl": "idl"}
 
