@@ -16,7 +16,6 @@ import multiprocessing
 import random
 import resource
 import signal
-import struct
 import sys
 import tempfile
 import threading
@@ -33,6 +32,7 @@ import ros_logs
 
 from attest import conditioning, pipeline, readers, simulation
 from attest.errors import AttestError
+from attest.simulation import dataflash
 
 TIMEOUT, WAIT = 10, 60
 """Of computing, and on the clock of a machine that does other things too, s."""
@@ -102,27 +102,16 @@ def _raw(tlog):
 
 def _text(log):
     """Return an on-board log as text, as ground stations convert it."""
-    lines, formats, at = [], {}, 0
+    kinds = {kind.number: (name, dataflash._dtype(kind)) for name, kind in dataflash._KINDS.items()}
+    lines, at = [], 0
     while at < len(log):
-        number = log[at + 2]
-        if number == 128:
-            kind, size, name, chars, columns = struct.unpack_from("<BB4s16s64s", log, at + 3)
-            told = [part.rstrip(b"\0").decode() for part in (name, chars, columns)]
-            formats[kind] = (told[0], np.dtype([("head", "V3"), *_fields(told[1])]))
-            lines.append(f"FMT, {kind}, {size}, {', '.join(told)}")
-        name, dtype = formats[number]
+        name, dtype = kinds[log[at + 2]]
         values = np.frombuffer(log, dtype, 1, at)[0].item()[1:]
-        if name in {"IMU", "MAG", "ATT", "GPS", "SIM", "XKF1"}:
-            lines.append(", ".join([name, *map(str, values)]))
+        if name in {"FMT", "IMU", "MAG", "ATT", "GPS", "SIM", "XKF1"}:
+            cells = [v.decode() if isinstance(v, bytes) else str(v) for v in values]
+            lines.append(", ".join([name, *cells]))
         at += dtype.itemsize
     return "\n".join(lines).encode() + b"\n"
-
-
-def _fields(chars):
-    types = {"B": "u1", "b": "i1", "H": "<u2", "h": "<i2", "I": "<u4", "i": "<i4", "f": "<f4",
-             "d": "<f8", "Q": "<u8", "c": "<i2", "C": "<u2", "e": "<i4", "L": "<i4", "n": "S4",
-             "N": "S16", "Z": "S64"}  # fmt: skip
-    return [(f"f{i}", types[char]) for i, char in enumerate(chars)]
 
 
 def mutated(reader, number):
