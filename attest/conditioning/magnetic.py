@@ -1,18 +1,13 @@
 """The magnetometer's reference: the World Magnetic Model, or the log's own dip about north."""
 
-from datetime import UTC, datetime
-
 import numpy as np
 from numpy.typing import NDArray
 
+from attest.geometry import earth
 from attest.recording import Note, Recording, World
 
 Array = NDArray[np.float64]
 
-EARLIEST, LATEST = 2010.0, 2030.0
-"""Years that the models at hand cover."""
-LOWEST, HIGHEST = -12e3, 850e3
-"""Altitudes between which the model holds, m: from the deepest sea to a low orbit."""
 DIP_TOLERANCE_DEG = 5.0
 """The log's dip may differ by this much from the model's before the log's own is used."""
 
@@ -22,31 +17,18 @@ def field(recording: Recording) -> tuple[Array, list[Note]] | None:
 
     World Magnetic Model of the log's five years. None where the log does not know its place.
     """
-    from pygeomag import GeoMag
-
     if "position" not in recording.signals:
         return None
-    place = recording.signals["position"].y
-    latitude, altitude = np.median(place[:, 0]), np.median(place[:, 2])
-    longitude = np.median(np.unwrap(place[:, 1], period=360.0))  # also across the date line
-    longitude = (longitude + 180.0) % 360.0 - 180.0
-    on_earth = np.median(np.abs(place[:, 1])) <= 180.0 and abs(latitude) <= 90.0
-    if not (on_earth and LOWEST < altitude < HIGHEST):
+    place = earth.place(recording.signals["position"].y)
+    if place is None:
         return None
     year, notes = _year(recording)
-    model = GeoMag(base_year=datetime(int(min(year, LATEST - 1)), 7, 1, tzinfo=UTC))
-    result = model.calculate(
-        glat=latitude,
-        glon=longitude,
-        alt=altitude * 1e-3,
-        time=min(max(year, EARLIEST), LATEST),
-        allow_date_outside_lifespan=True,
-    )
+    ned = earth.field(place, year)
     text = (
-        f"magnetic reference: World Magnetic Model at {latitude:.2f}, {longitude:.2f} in "
-        f"{year:.1f}, declination {result.d:+.1f}°, dip {result.i:+.1f}°"
+        f"magnetic reference: World Magnetic Model at {place.latitude:.2f}, {place.longitude:.2f} "
+        f"in {year:.1f}, declination {np.rad2deg(earth.declination(ned)):+.1f}°, "
+        f"dip {np.rad2deg(earth.dip(ned)):+.1f}°"
     )
-    ned = np.array([result.x, result.y, result.z]) * 1e-9
     return _to_world(ned, recording.world), [Note(text), *notes]
 
 
@@ -85,11 +67,11 @@ def _year(recording: Recording) -> tuple[float, list[Note]]:
     if offset is None:
         note = Note("the log knows no date: the magnetic model is taken for 2025", doubt=True)
         return 2025.0, [note]
-    seconds = (int(recording.require("gyro").t[0]) + offset) * 1e-9
-    year = 1970.0 + seconds / (365.2425 * 86400.0)
-    if EARLIEST <= year <= LATEST:
+    year = earth.year(int(recording.require("gyro").t[0]) + offset)
+    if earth.EARLIEST <= year <= earth.LATEST:
         return year, []
     text = (
-        f"the log's date, {year:.0f}, is outside the magnetic models, {EARLIEST:.0f}-{LATEST:.0f}"
+        f"the log's date, {year:.0f}, is outside the magnetic models, "
+        f"{earth.EARLIEST:.0f}-{earth.LATEST:.0f}"
     )
-    return float(np.clip(year, EARLIEST, LATEST)), [Note(text, doubt=True)]
+    return float(np.clip(year, earth.EARLIEST, earth.LATEST)), [Note(text, doubt=True)]

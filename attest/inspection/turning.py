@@ -1,0 +1,185 @@
+"""Whether a vector turns as the gyroscope says: axes, signs and scale of one against the other.
+
+A direction that is constant in the world turns in the body by u' = -Omega x u. With Omega = M w,
+where w is what the gyroscope reads, that is linear in M: over every short cell of time
+
+    du = sum_jk M_jk int (u x e_j) w_k dt + sum_j b_j int (u x e_j) dt,
+
+b the gyroscope's bias. Where the two share axes and unit, M is the identity; where axes are
+swapped or turned round, a signed permutation; where a unit is wrong, a multiple of these. A vector
+whose own axes are at fault gives a proper M, and its negative the same; only a gyroscope's fault
+gives an improper one.
+"""
+
+from dataclasses import dataclass
+from itertools import permutations, product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from attest.recording import Signal, seconds
+
+Array = NDArray[np.float64]
+Cells = tuple[Array, Array, Array]
+
+BLOCK = 1000
+"""Samples in a row that are taken or left together."""
+MOST_BLOCKS = 20
+"""Of the blocks, those with the most motion are taken."""
+FINEST = 0.004
+"""Faster gyroscopes are averaged to this step, s."""
+CELL = 0.2
+"""Shortest cell, s: turns must show over the noise."""
+LONGEST_CELL = 1.0
+"""A log so slow that its cells would be longer tells nothing, s."""
+FEWEST = 60
+"""Cells that a fit needs."""
+AS_GOOD, NEARLY = 0.02, 0.05
+"""Explained shares that differ by less are the same, and are not told apart."""
+SIGNED = np.array(
+    [
+        np.diag(signs)[list(order)]
+        for order in permutations(range(3))
+        for signs in product((1.0, -1.0), repeat=3)
+    ]
+)
+"""The 48 signed permutations of the axes, the identity first."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """How well a vector's turning follows from the gyroscope."""
+
+    as_read: float
+    """Share of the vector's turning that the gyroscope explains as it is read; can be negative."""
+    best: float
+    """The same with the axes and the scale that explain the most."""
+    axes: Array
+    """These axes, a signed permutation P: the vector turns by -(P w) x u."""
+    unique: bool
+    """Whether no other axes explain about as much."""
+    scale: float
+    """What the gyroscope must be multiplied by, with these axes."""
+
+    @property
+    def shared(self) -> bool:
+        """Whether the log's own axes do as well as any."""
+        return bool(np.array_equal(self.axes, SIGNED[0]))
+
+
+def fit(gyro: Signal, vector: Signal) -> Fit | None:
+    """Fit a vector's turning to the gyroscope; None where there is too little to tell."""
+    cells = _cells(gyro, vector)
+    if cells is None:
+        return None
+    y, X, Z = cells
+    y, X = _without(Z, y), _without(Z, X)
+    G, c, yy = X.T @ X, X.T @ y, float(y @ y)
+    if not (np.isfinite(G).all() and np.isfinite(c).all() and yy > 0.0):
+        return None
+    M = SIGNED.reshape(48, 9)
+    power, along = np.einsum("pi,ij,pj->p", M, G, M), M @ c
+    scale = np.where((along > 0.0) & (power > 0.0), along / np.where(power > 0.0, power, 1.0), 0.0)
+    explained = scale * along / yy
+    best = int(np.argmax(explained))
+    if explained[0] > explained[best] - AS_GOOD:
+        best = 0
+    return Fit(
+        as_read=float((2.0 * along[0] - power[0]) / yy),
+        best=float(explained[best]),
+        axes=SIGNED[best],
+        unique=bool(np.sum(explained > explained[best] - NEARLY) == 1),
+        scale=float(scale[best]),
+    )
+
+
+def _cells(gyro: Signal, vector: Signal) -> Cells | None:
+    """Return change of the vector and both integrals by cell, (3 n,), (3 n, 9) and (3 n, 3)."""
+    if len(gyro.t) < FEWEST or len(vector.t) < FEWEST:
+        return None
+    step = [float(np.median(np.diff(s.t))) * 1e-9 for s in (gyro, vector)]
+    width = max(CELL, 3.0 * max(step))
+    if width > LONGEST_CELL:
+        return None
+    merged = max(1, int(FINEST / step[0]))
+    blocks = (
+        _block(gyro, vector, slice(first, first + merged * BLOCK), merged, width)
+        for first in _moving(gyro.y, merged * BLOCK)
+    )
+    found = [block for block in blocks if block is not None]
+    if sum(len(y) for y, _, _ in found) < 3 * FEWEST:
+        return None
+    y, X, Z = (np.concatenate(part) for part in zip(*found, strict=True))
+    return y, X, Z
+
+
+def _moving(gyro: Array, size: int) -> NDArray[np.intp]:
+    """Return where the blocks with the most motion begin."""
+    whole = len(gyro) // size
+    if whole <= MOST_BLOCKS:
+        return np.arange(0, len(gyro), size)
+    thin = max(1, size // BLOCK) * 10
+    some = gyro[: whole * size : thin]
+    spread = some[: len(some) // whole * whole].reshape(whole, -1, 3).var(axis=1).sum(axis=1)
+    return np.sort(np.argsort(spread)[-MOST_BLOCKS:]) * size
+
+
+def _block(gyro: Signal, vector: Signal, part: slice, merged: int, width: float) -> Cells | None:
+    """Return change and integrals of one block."""
+    t, w = _merged(gyro.t[part], merged), _merged(gyro.y[part], merged)
+    inside = (t >= vector.t[0]) & (t <= vector.t[-1])
+    t, w = t[inside], w[inside]
+    if len(t) < 4:
+        return None
+    origin = int(t[0])
+    at = seconds(t, origin)
+    first = max(int(np.searchsorted(vector.t, t[0])) - 1, 0)
+    known = slice(first, int(np.searchsorted(vector.t, t[-1])) + 1)
+    stamps = seconds(vector.t[known], origin)
+    u = np.stack([np.interp(at, stamps, column) for column in vector.y[known].T], axis=1)
+    rate = _rate(u, w)
+    integral = np.zeros_like(rate)
+    step = 0.5 * np.diff(at)[:, np.newaxis, np.newaxis]
+    np.cumsum((rate[1:] + rate[:-1]) * step, axis=0, out=integral[1:])
+    begins = np.flatnonzero(np.diff(np.floor(at / width), prepend=-1.0))
+    together = np.diff(at[begins]) < 2.0 * width  # not across a gap
+    du = np.diff(_mean(u, begins), axis=0)[together]
+    di = np.diff(_mean(integral, begins), axis=0)[together]
+    return du.ravel(), di[..., :9].reshape(-1, 9), di[..., 9:].reshape(-1, 3)
+
+
+def _merged(y: NDArray[np.generic], count: int) -> NDArray[np.generic]:
+    """Average so many samples in a row; of stamps, whole nanoseconds."""
+    if count == 1:
+        return y
+    whole = len(y) // count * count
+    groups = y[:whole].reshape(-1, count, *y.shape[1:])
+    if y.dtype == np.int64:
+        return groups[:, 0] + (groups - groups[:, :1]).mean(axis=1).astype(np.int64)
+    return groups.mean(axis=1)
+
+
+def _rate(u: Array, w: Array) -> Array:
+    """Return (u x e_j) w_k, with j and k in the last axis, then u x e_j, shape (n, 3, 12)."""
+    crossed = np.zeros((len(u), 3, 3))
+    for j in range(3):
+        after, before = (j + 1) % 3, (j + 2) % 3
+        crossed[:, after, j], crossed[:, before, j] = u[:, before], -u[:, after]
+    rate = np.empty((len(u), 3, 12))
+    for j in range(3):
+        rate[:, :, 3 * j : 3 * j + 3] = crossed[:, :, j, np.newaxis] * w[:, np.newaxis, :]
+    rate[:, :, 9:] = crossed
+    return rate
+
+
+def _mean(y: Array, begins: NDArray[np.intp]) -> Array:
+    """Average from each beginning to the next."""
+    count = np.diff(begins, append=len(y)).reshape(-1, *(1,) * (y.ndim - 1))
+    mean: Array = np.add.reduceat(y, begins) / count
+    return mean
+
+
+def _without(Z: Array, y: Array) -> Array:
+    """Return what of y the columns of Z leave unexplained."""
+    rest: Array = y - Z @ np.linalg.lstsq(Z, y, rcond=None)[0]
+    return rest
