@@ -10,7 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from attest import conditioning, config, evaluation, observers, readers, report, writers
+from attest import (
+    conditioning,
+    config,
+    evaluation,
+    inspection,
+    observers,
+    readers,
+    report,
+    writers,
+)
 from attest.config import Configuration
 from attest.errors import AttestError, ConfigError, ReadError
 from attest.estimates import Estimates
@@ -53,6 +62,20 @@ def read(log: Path, configuration: Configuration) -> Recording:
     return readers.read(log, options)
 
 
+def inspect(log: Path, configuration: Configuration) -> tuple[Recording, dict[str, Any]]:
+    """Read a log, and return it with the description of what is in it and whether it can answer."""
+    recording = _doubted(read(log, configuration))
+    described, inspected = report.describe(recording), inspection.inspect(recording)
+    for name, figures in inspected.pop("signals").items():
+        described["signals"][name] |= figures
+    return recording, described | inspected
+
+
+def _doubted(recording: Recording) -> Recording:
+    """Add what in a recording cannot be to its notes."""
+    return replace(recording, notes=(*recording.notes, *inspection.doubts(recording)))
+
+
 def run(log: Path, configuration: Configuration, on_stage: OnStage | None = None) -> Result:
     """Run one log through one observer.
 
@@ -65,7 +88,7 @@ def run(log: Path, configuration: Configuration, on_stage: OnStage | None = None
     """
     timing: dict[str, float] = {}
     with _stage("reading", timing, on_stage):
-        recording = read(log, configuration)
+        recording = _doubted(read(log, configuration))
         evaluation.choose(recording, configuration.evaluation.reference)  # or refuse it now
     with _stage("conditioning", timing, on_stage):
         conditioned = conditioning.condition(recording, configuration)
@@ -95,7 +118,7 @@ def compare(
     _refuse_unlike(configurations)
     first, reading = next(iter(configurations.values())), dict[str, float]()
     with _stage("reading", reading, on_stage):
-        recording = read(log, first)
+        recording = _doubted(read(log, first))
         evaluation.choose(recording, first.evaluation.reference)  # or refuse it now
     conditioned: dict[str, Conditioned] = {}
     results: list[Result] = []

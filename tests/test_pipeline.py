@@ -1,12 +1,14 @@
 """Golden numbers: what one run finds on each log, to a stated tolerance."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from attest import pipeline
+from attest import pipeline, simulation
 from attest.errors import ReadError
+from attest.recording import Signal
 from attest.result import Result
 
 
@@ -117,3 +119,12 @@ def test_log_without_inertial_data_says_so_in_one_line(shared, name):
         run(shared / "tlog" / name)
     assert "\n" not in str(caught.value)
     assert str(shared / "tlog" / name) in str(caught.value)
+
+
+def test_what_cannot_be_is_among_the_warnings_of_a_run(tmp_path):
+    made = simulation.simulate("handheld")
+    gyro = made.signals["gyro"]
+    signals = {**made.signals, "gyro": Signal(gyro.t, np.rad2deg(gyro.y))}
+    simulation.write(tmp_path / "flight.csv", replace(made, signals=signals))
+    warnings = run(tmp_path / "flight.csv").summary["warnings"]
+    assert any("its unit seems to be deg/s" in note["text"] for note in warnings)

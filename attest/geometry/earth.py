@@ -1,4 +1,4 @@
-"""The Earth where a log was made: its gravity, and its magnetic field by the World Magnetic Model."""
+"""The Earth where a log was made: gravity, and the field by the World Magnetic Model."""
 
 from datetime import UTC, datetime
 from typing import NamedTuple

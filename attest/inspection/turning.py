@@ -34,6 +34,10 @@ LONGEST_CELL = 1.0
 """A log so slow that its cells would be longer tells nothing, s."""
 FEWEST = 60
 """Cells that a fit needs."""
+FITS = 0.5
+"""Share of a vector's turning that the gyroscope explains, from which they are one body's."""
+CLEAR = 0.8
+"""Share that other axes or another scale must explain before they are named."""
 AS_GOOD, NEARLY = 0.02, 0.05
 """Explained shares that differ by less are the same, and are not told apart."""
 SIGNED = np.array(
@@ -73,6 +77,8 @@ def fit(gyro: Signal, vector: Signal) -> Fit | None:
     if cells is None:
         return None
     y, X, Z = cells
+    if not np.isfinite(X.T @ X).all():
+        return None
     y, X = _without(Z, y), _without(Z, X)
     G, c, yy = X.T @ X, X.T @ y, float(y @ y)
     if not (np.isfinite(G).all() and np.isfinite(c).all() and yy > 0.0):
@@ -126,7 +132,7 @@ def _moving(gyro: Array, size: int) -> NDArray[np.intp]:
 
 def _block(gyro: Signal, vector: Signal, part: slice, merged: int, width: float) -> Cells | None:
     """Return change and integrals of one block."""
-    t, w = _merged(gyro.t[part], merged), _merged(gyro.y[part], merged)
+    t, w = _merged(gyro.t[part], gyro.y[part], merged)
     inside = (t >= vector.t[0]) & (t <= vector.t[-1])
     t, w = t[inside], w[inside]
     if len(t) < 4:
@@ -148,15 +154,14 @@ def _block(gyro: Signal, vector: Signal, part: slice, merged: int, width: float)
     return du.ravel(), di[..., :9].reshape(-1, 9), di[..., 9:].reshape(-1, 3)
 
 
-def _merged(y: NDArray[np.generic], count: int) -> NDArray[np.generic]:
-    """Average so many samples in a row; of stamps, whole nanoseconds."""
+def _merged(t: NDArray[np.int64], y: Array, count: int) -> tuple[NDArray[np.int64], Array]:
+    """Average so many samples in a row, and their stamps to the nanosecond."""
     if count == 1:
-        return y
-    whole = len(y) // count * count
-    groups = y[:whole].reshape(-1, count, *y.shape[1:])
-    if y.dtype == np.int64:
-        return groups[:, 0] + (groups - groups[:, :1]).mean(axis=1).astype(np.int64)
-    return groups.mean(axis=1)
+        return t, y
+    stamps = t[: len(t) // count * count].reshape(-1, count)
+    values = y[: stamps.size].reshape(-1, count, y.shape[1])
+    late = (stamps - stamps[:, :1]).mean(axis=1).astype(np.int64)
+    return stamps[:, 0] + late, values.mean(axis=1)
 
 
 def _rate(u: Array, w: Array) -> Array:
@@ -181,5 +186,5 @@ def _mean(y: Array, begins: NDArray[np.intp]) -> Array:
 
 def _without(Z: Array, y: Array) -> Array:
     """Return what of y the columns of Z leave unexplained."""
-    rest: Array = y - Z @ np.linalg.lstsq(Z, y, rcond=None)[0]
+    rest: Array = y - Z @ (np.linalg.pinv(Z.T @ Z, hermitian=True) @ (Z.T @ y))
     return rest

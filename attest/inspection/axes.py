@@ -1,0 +1,118 @@
+"""Axes, signs and scales of gyroscope, accelerometer and magnetometer against each other."""
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from attest.inspection import references, turning, units
+from attest.inspection.turning import CLEAR, FITS, Fit
+from attest.recording import Note, Recording
+
+SCALES = {
+    np.pi / 180.0: "deg/s",
+    1e-3: "mrad/s",
+    180.0 / np.pi: "rad/s, taken for deg/s",
+    1e3: "rad/s, taken for mrad/s",
+}
+"""Units by what a gyroscope in them must be multiplied by."""
+SCALE_TOLERANCE = 0.15
+WRONG_SCALE = 2.0
+"""A scale that is further from 1 than this factor is doubted without a unit."""
+NAMES = {
+    "gyro": "gyroscope",
+    "accel": "accelerometer",
+    "mag": "magnetometer",
+    "reference": "reference",
+}
+
+
+def fits(recording: Recording) -> dict[str, Fit]:
+    """Fit magnetometer, accelerometer and default reference to the gyroscope, where they tell."""
+    if "gyro" not in recording.signals:
+        return {}
+    vectors = {n: recording.signals[n] for n in ("mag", "accel") if n in recording.signals}
+    if (reference := references.default(recording)) is not None:
+        vectors["reference"] = references.north(reference)
+    gyro = recording.signals["gyro"]
+    found = {name: turning.fit(gyro, vector) for name, vector in vectors.items()}
+    return {name: fit for name, fit in found.items() if fit is not None}
+
+
+def doubts(recording: Recording, found: Mapping[str, Fit]) -> Iterator[Note]:
+    """Yield what does not fit: the gyroscope's unit or axes, or else what turns otherwise."""
+    wrong = {name: fit for name, fit in found.items() if fit.as_read < FITS and fit.best > CLEAR}
+    right = [name for name, fit in found.items() if fit.as_read >= FITS and fit.shared]
+    scale = next((fit for fit in wrong.values() if not right and _scaled(fit)), None)
+    if scale is not None:
+        yield _of_scale(recording, scale)
+    elif (fast := units.too_fast(recording)) is not None:
+        yield fast
+    turned = {name: fit for name, fit in wrong.items() if not fit.shared}
+    mirrored = [fit for fit in turned.values() if _mirrored(fit)]
+    agreed = [] if right or len(turned) < 2 or not _same(turned) else list(turned.values())
+    if mirrored or agreed:
+        yield _of_gyroscope((mirrored + agreed)[0])
+        return
+    for name, fit in turned.items():
+        if name != "reference":
+            yield _of_vector(name, fit, right)
+    if scale is None:
+        yield from references.doubts(recording, found)
+
+
+def _scaled(fit: Fit) -> bool:
+    return fit.scale > 0.0 and not 1.0 / WRONG_SCALE < fit.scale < WRONG_SCALE
+
+
+def _of_scale(recording: Recording, fit: Fit) -> Note:
+    near = (unit for k, unit in SCALES.items() if abs(fit.scale / k - 1.0) < SCALE_TOLERANCE)
+    unit = next(near, None)
+    seems = "its unit or scale is wrong" if unit is None else f"its unit seems to be {unit}"
+    text = f"the vectors turn {fit.scale:.3g} times as fast as the gyroscope reads: {seems}"
+    return Note(text + units.mend(recording, "gyro"), doubt=True)
+
+
+def _same(fits: Mapping[str, Fit]) -> bool:
+    first, *others = fits.values()
+    return all(np.array_equal(fit.axes, first.axes) for fit in others)
+
+
+def _mirrored(fit: Fit) -> bool:
+    """Whether axes are mirrored, which no fault of a vector's own axes looks like."""
+    return fit.unique and bool(np.linalg.det(fit.axes) < 0.0)
+
+
+def _of_gyroscope(fit: Fit) -> Note:
+    if np.array_equal(fit.axes, -np.eye(3)):
+        text = "the gyroscope turns the wrong way about all axes: it is inverted"
+    else:
+        text = (
+            f"the gyroscope's axes are wrong{': they' if fit.unique else ''}{_named(fit, fit.axes)}"
+        )
+    return Note(text + _evidence(fit), doubt=True)
+
+
+def _of_vector(name: str, fit: Fit, right: list[str]) -> Note:
+    what = f"the gyroscope's and the {NAMES[name]}'s axes are not the same"
+    if right:
+        what = f"the {NAMES[name]}'s axes are not those of gyroscope and {NAMES[right[0]]}"
+    if fit.unique:
+        what += f": the {NAMES[name]}'s"
+    # the vector as read is P or -P times the true one, and both turn alike
+    or_opposite = ", or the opposite" if fit.unique else ""
+    return Note(f"{what}{_named(fit, fit.axes.T)}{or_opposite}{_evidence(fit)}", doubt=True)
+
+
+def _named(fit: Fit, axes: NDArray[np.float64]) -> str:
+    """Write x, y, z of the right axes in those that were read, such as ``(y, -x, z)``."""
+    if not fit.unique:
+        return ""
+    which = np.argmax(np.abs(axes), axis=1)
+    letters = [f"{'-' if axes[i, j] < 0.0 else ''}{'xyz'[j]}" for i, j in enumerate(which)]
+    return f" would fit as ({', '.join(letters)})"
+
+
+def _evidence(fit: Fit) -> str:
+    seen = f"{max(0.0, fit.as_read):.0%}"
+    return f" (that explains {fit.best:.0%} of the turns; as read, {seen})"

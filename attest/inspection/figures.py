@@ -1,0 +1,110 @@
+"""What the values of a signal are like: range, jitter, saturation, repeats, steps."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from attest.geometry import earth as model
+from attest.inspection import units
+from attest.inspection.place import Earth
+from attest.recording import Recording, Signal
+
+Array = NDArray[np.float64]
+
+MOST_SAMPLES = 1_000_000
+"""That figures are taken from, the first ones."""
+FEWEST = 10
+"""Samples at an extreme before it is taken for a limit of the sensor."""
+FINE = 30
+"""Distinct values of a signal before one of them can stand out as its limit."""
+STANDS_OUT = 5
+"""How many times as often a limit is met as the value next to it."""
+STEP_TOLERANCE = 0.02
+"""How far from a whole number of steps a difference of values may be, in steps."""
+MOST_STEPS = 1e5
+"""Between values next to each other: more are no steps, but chance."""
+
+
+def of(signal: Signal) -> dict[str, Any]:
+    """Return the figures of one signal, JSON-like, in its own unit."""
+    t, y = signal.t[:MOST_SAMPLES], signal.y[:MOST_SAMPLES]
+    same = np.all(y[1:] == y[:-1], axis=1)
+    return {
+        "min": y.min(axis=0).tolist(),
+        "max": y.max(axis=0).tolist(),
+        "median": np.median(y, axis=0).tolist(),
+        "jitter_ms": _jitter(t),
+        "repeated": round(float(same.mean()), 4) if len(same) else 0.0,
+        "stuck_s": round(_longest(t, same), 3),
+        "saturated": sum(_saturated(column) for column in y.T),
+        "step": max((_step(column) for column in y.T), default=0.0) or None,
+    }
+
+
+def of_earth(recording: Recording, earth: Earth | None) -> dict[str, Any]:
+    """Return gravity and field as measured, and as they should be where the place is known."""
+    figures: dict[str, Any] = {}
+    for name, key, scale in (("accel", "gravity_ms2", 1.0), ("mag", "field_ut", 1e6)):
+        if name in recording.signals and len(recording.signals[name].t):
+            lengths = units.length_of(recording.signals[name].y)
+            figures[key] = round(float(np.median(lengths)) * scale, 4)
+    if earth is None:
+        return figures
+    return figures | {
+        "place": list(earth.place),
+        "year": None if earth.year is None else round(earth.year, 2),
+        "declination_deg": round(float(np.rad2deg(model.declination(earth.field))), 2),
+        "dip_deg": round(float(np.rad2deg(model.dip(earth.field))), 2),
+        "field_ut_model": round(float(np.linalg.norm(earth.field)) * 1e6, 3),
+    }
+
+
+def _jitter(t: NDArray[np.int64]) -> float | None:
+    """Return what 90 % of the steps differ from the median by at the most, ms."""
+    if len(t) < 3:
+        return None
+    steps = np.diff(t)
+    return round(float(np.percentile(np.abs(steps - np.median(steps)), 90)) * 1e-6, 4)
+
+
+def _longest(t: NDArray[np.int64], same: NDArray[np.bool_]) -> float:
+    """Return the longest time without a new value, s; 0 where each sample brings one."""
+    if not same.any():
+        return 0.0
+    new = np.flatnonzero(np.concatenate([[True], ~same]))
+    last = np.append(new[1:] - 1, len(t) - 1)
+    return float((t[last] - t[new]).max()) * 1e-9
+
+
+def _saturated(x: Array) -> int:
+    """Return how many values lie at a limit: an extreme that is met much oftener than its next."""
+    count = 0
+    for values in (x, -x):
+        top = values.max()
+        at = int(np.sum(values == top))
+        below = values[values < top]
+        if at < FEWEST or not len(below):
+            continue
+        beside = int(np.sum(below == below.max()))
+        count += at if at > STANDS_OUT * beside and len(np.unique(below[:10_000])) > FINE else 0
+    return count
+
+
+def _step(x: Array) -> float:
+    """Return the step that all values are a whole number of, 0 where there is none."""
+    levels = np.unique(x[:20_000])
+    if len(levels) < 3:
+        return 0.0
+    apart = np.diff(levels)
+    apart = apart[apart > 1e-9 * max(abs(levels[0]), abs(levels[-1]))]
+    if not len(apart):
+        return 0.0
+    step = float(apart.min())
+    step = float(np.median(apart[apart < 1.5 * step]))
+    count = apart / step
+    whole = np.abs(count - np.round(count)) < STEP_TOLERANCE * np.maximum(1.0, np.round(count) / 10)
+    likely = len(levels) < 0.5 * len(x[:20_000]) or count.max() < 50
+    return (
+        float(f"{step:.6g}") if likely and whole.mean() > 0.98 and count.max() < MOST_STEPS else 0.0
+    )

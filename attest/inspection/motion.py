@@ -1,0 +1,86 @@
+"""Whether the gyroscope is fast enough for the motion in it, and what was done to it before."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from attest.recording import Recording, Signal
+
+Array = NDArray[np.float64]
+
+LARGE_STEP = 0.1
+"""Turn between two samples, rad, from which its axis within the step matters: 0.1^3 / 12 is 0.005
+degrees of a step of motion that the samples cannot tell."""
+BAND = 0.8
+"""Share of the Nyquist frequency above which power is at the band's edge."""
+SEGMENT = 256
+"""Samples of one spectrum."""
+MOST_SEGMENTS = 200
+EDGE = 0.15
+"""Share of the power at the band's edge from which motion goes on beyond it; white noise has 0.2,
+so that the power must also be more than a gyroscope's noise."""
+NOISE = 0.05
+"""rad/s of standard deviation, above what a gyroscope's noise is."""
+SLOW = 20.0
+"""Hz; below, a vehicle that turns at all turns between the samples."""
+OFTEN = 0.01
+"""Share of steps with a large turn from which the gyroscope is slow for its motion."""
+
+
+CORRECTIONS = {
+    "HIGHRES_IMU": "less the bias that the autopilot estimated in flight (as PX4 sends it)",
+    "RAW_IMU": "calibrated at start, the bias in flight is in it",
+    "SCALED_IMU": "calibrated at start, the bias in flight is in it",
+    "SCALED_IMU2": "calibrated at start, the bias in flight is in it",
+    "SCALED_IMU3": "calibrated at start, the bias in flight is in it",
+    "IMU": "calibrated at start, the bias in flight is in it",
+    "sensor_combined": "by the autopilot's stored calibration, the bias in flight is in it",
+    "vehicle_imu": "by the autopilot's stored calibration, the bias in flight is in it",
+    "sensor_gyro": "raw",
+    "sensor_gyro_fifo": "raw",
+}
+"""By message or topic."""
+
+
+def of(recording: Recording) -> dict[str, Any] | None:
+    """Return how the gyroscope's rate suits its motion, JSON-like; None without one."""
+    gyro = recording.signals.get("gyro")
+    if gyro is None or len(gyro.t) < 3:
+        return None
+    steps = np.diff(gyro.t)
+    h = np.minimum(steps, 5 * np.median(steps)) * 1e-9  # a gap is told as such
+    turn = np.linalg.norm(gyro.y[:-1], axis=1) * h
+    spread = float(np.linalg.norm(gyro.y.std(axis=0)))
+    large, edge = float(np.mean(turn > LARGE_STEP)), _edge(gyro)
+    beyond = spread > NOISE and (np.median(steps) > 1e9 / SLOW or (edge or 0.0) > EDGE)
+    return {
+        "fastest_rad_s": round(float(np.percentile(turn / np.maximum(h, 1e-9), 99.9)), 4),
+        "turn_per_step_rad_p99": round(float(np.percentile(turn, 99)), 5),
+        "large_steps": round(large, 4),
+        "edge_of_band": None if edge is None else round(edge, 4),
+        "fast_enough": not (large > OFTEN or beyond),
+    }
+
+
+def _edge(gyro: Signal) -> float | None:
+    """Return the share of the power in the uppermost fifth of the band; None if too short."""
+    count = len(gyro.t) // SEGMENT
+    if not count:
+        return None
+    chosen = np.unique(np.linspace(0, count - 1, min(count, MOST_SEGMENTS)).astype(np.int64))
+    parts = gyro.y[: count * SEGMENT].reshape(count, SEGMENT, 3)[chosen]
+    window = np.hanning(SEGMENT)[:, np.newaxis]
+    power = np.abs(np.fft.rfft((parts - parts.mean(axis=1, keepdims=True)) * window, axis=1)) ** 2
+    spectrum = power.sum(axis=(0, 2))
+    total = float(spectrum.sum())
+    first = int(BAND * (len(spectrum) - 1))
+    return float(spectrum[first:].sum()) / total if total > 0.0 else None
+
+
+def correction(recording: Recording) -> str | None:
+    """Tell in words whether a gyroscope's bias was taken out before it was logged."""
+    if "gyro" not in recording.signals:
+        return None
+    source = recording.signals["gyro"].source.partition("[")[0]
+    return CORRECTIONS.get(source)

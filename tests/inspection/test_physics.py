@@ -1,0 +1,228 @@
+"""One thing wrong at a time in simulated logs: each is named, and nothing else is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from flights import flight, resting
+
+from attest import inspection, readers, simulation
+from attest.geometry import quaternion
+from attest.recording import Reference, Signal
+
+DEGREES = 180.0 / np.pi
+G = 9.80665
+MIRRORED = np.diag([1.0, 1.0, -1.0])
+FLU = np.diag([1.0, -1.0, -1.0])
+SWAPPED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+CYCLED = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+
+
+@pytest.fixture(scope="module", params=["handheld", "quadcopter", "fixed-wing"])
+def log(request, tmp_path_factory):
+    path = tmp_path_factory.mktemp("logs") / f"{request.param}.csv"
+    simulation.write(path, simulation.simulate(request.param))
+    return readers.read(path)
+
+
+def turned(log, name, matrix):
+    """Return a log with a signal's values multiplied by a matrix."""
+    signal = log.signals[name]
+    whole = matrix * np.eye(3) if np.isscalar(matrix) else matrix
+    values = Signal(signal.t, signal.y @ whole.T, signal.source)
+    return replace(log, signals={**log.signals, name: values})
+
+
+def referred(log, change):
+    """Return a log with its references' quaternions changed."""
+    changed = {
+        name: Reference(name, r.kind, r.t, quaternion.continuous(change(r.q)))
+        for name, r in log.references.items()
+    }
+    return replace(log, references=changed)
+
+
+def in_enu(log):
+    """Return a log whose values are those of forward-left-up and east-north-up."""
+    for name in ("gyro", "accel", "mag"):
+        log = turned(log, name, FLU)
+    if "velocity" in log.signals:
+        log = turned(log, "velocity", ENU)
+    world = np.array([0.0, np.sqrt(0.5), np.sqrt(0.5), 0.0])
+    body = np.array([0.0, 1.0, 0.0, 0.0])
+    return referred(log, lambda q: quaternion.multiply(quaternion.multiply(world, q), body))
+
+
+def without(log, *names):
+    """Return a log without some signals, and without references."""
+    signals = {name: s for name, s in log.signals.items() if name not in names}
+    return replace(log, signals=signals, references={})
+
+
+def told(log):
+    notes = inspection.doubts(log)
+    assert all(note.doubt for note in notes)
+    return [note.text for note in notes]
+
+
+def test_nothing_is_said_of_what_is_right(log):
+    assert told(log) == []
+    assert told(without(log)) == []
+    assert told(without(log, "mag")) == []
+    assert told(without(log, "accel", "position")) == []
+    declared = replace(in_enu(log), world="enu", body="flu")
+    assert told(declared) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "factor", "unit"),
+    [
+        ("gyro", DEGREES, "its unit seems to be deg/s"),
+        ("gyro", 1e3, "its unit seems to be mrad/s"),
+        ("gyro", 1.0 / DEGREES, "its unit seems to be rad/s, taken for deg/s"),
+        ("accel", 1.0 / G, "its unit seems to be g:"),
+        ("accel", 1e3 / G, "its unit seems to be mg or cm/s²"),
+        ("accel", G, "multiplied by g once more"),
+        ("mag", 1e-2, "its unit seems to be gauss"),
+        ("mag", 1e1, "its unit seems to be mG"),
+        ("mag", 1e3, "its unit seems to be nT"),
+        ("mag", 1e-6, "its unit seems to be T:"),
+    ],
+)
+def test_a_wrong_unit_is_named_with_the_setting_that_mends_it(log, name, factor, unit):
+    for wrong in (turned(log, name, factor), turned(without(log), name, factor)):
+        (text,) = told(wrong)
+        assert unit in text
+        assert f"set input.csv.{name}.unit" in text
+
+
+def test_no_setting_is_named_where_there_is_none(log):
+    (text,) = told(replace(turned(log, "accel", 1.0 / G), format="tlog"))
+    assert text.endswith("its unit seems to be g")
+
+
+def test_degrees_are_told_without_any_vector_by_what_no_vehicle_survives(log):
+    wrong = without(turned(log, "gyro", 1e3), "mag", "accel")
+    (text,) = told(wrong)
+    assert "cannot be rad/s" in text
+
+
+@pytest.mark.parametrize(
+    ("matrix", "what"),
+    [
+        (-1.0, "the gyroscope turns the wrong way about all axes"),
+        (MIRRORED, "the gyroscope's axes are wrong: they would fit as (x, y, -z)"),
+        (SWAPPED, "the gyroscope's axes are wrong: they would fit as (y, x, z)"),
+        (CYCLED, "the gyroscope's axes are wrong: they would fit as (z, x, y)"),
+        (FLU, "the gyroscope's axes are wrong: they would fit as (x, -y, -z)"),
+    ],
+)
+def test_wrong_axes_of_the_gyroscope_are_named(log, matrix, what):
+    (text,) = told(turned(log, "gyro", matrix))
+    assert text.startswith(what)
+
+
+@pytest.mark.parametrize(
+    ("matrix", "fit"),
+    [
+        (FLU, "(x, -y, -z)"),
+        (SWAPPED, "(-y, -x, -z)"),
+        (CYCLED, "(z, x, y)"),
+        (MIRRORED, "(-x, -y, z)"),
+    ],
+)
+def test_wrong_axes_of_the_magnetometer_are_named(log, matrix, fit):
+    (text,) = told(turned(log, "mag", matrix))
+    assert text.startswith("the magnetometer's axes are not those of gyroscope and reference")
+    assert f"would fit as {fit}, or the opposite" in text
+    # without a third that tells who is right, neither is blamed
+    (text,) = told(turned(without(log), "mag", matrix))
+    assert text.startswith("the gyroscope's and the magnetometer's axes are not the same")
+
+
+def test_an_inverted_magnetometer_is_told_by_its_dip(log):
+    texts = told(turned(log, "mag", -1.0))
+    if "position" in log.signals:  # or nothing tells
+        (text,) = texts
+        assert "the magnetometer or the accelerometer is inverted" in text
+
+
+@pytest.mark.parametrize("matrix", [-1.0, FLU])
+def test_up_that_is_down_is_told(log, matrix):
+    texts = told(turned(log, "accel", matrix))
+    assert texts[0].startswith("the accelerometer's up is 1")
+    texts = told(replace(turned(without(log, "mag"), "accel", matrix), format="tlog"))
+    if texts:  # a hand turns all ways: that leaves it open
+        assert texts == ["accel_z is up: the sensor is upside down, inverted, or of other axes"]
+
+
+def test_a_log_of_another_world_is_told_with_the_option_that_mends_it(log):
+    for text in told(in_enu(log)):
+        assert text.endswith("try --world enu")
+    declared = replace(in_enu(log), world="enu", body="flu")
+    assert told(in_enu(log))
+    assert told(declared) == []
+    (first, *_) = told(replace(log, world="enu", body="flu"))
+    assert first.endswith("try --world ned")
+
+
+def test_velocity_of_another_world_is_told(log):
+    if "velocity" not in log.signals:
+        pytest.skip("a hand has no velocity")
+    (text,) = told(turned(log, "velocity", ENU))
+    assert text == "velocity and position fit as enu and not as ned: try --world enu"
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        (quaternion.conjugate, "world to body"),
+        (lambda q: np.roll(q, -1, axis=1), "in the order (x, y, z, w)"),
+        (
+            lambda q: quaternion.multiply(q, np.array([0.0, 1.0, 0.0, 0.0])),
+            "of a body with other axes",
+        ),
+    ],
+)
+def test_a_reference_of_another_form_is_named(log, change, what):
+    (text, *_) = told(referred(log, change))
+    assert "does not turn as the gyroscope does" in text
+    assert what in text
+
+
+def test_field_far_from_the_model_is_not_calibrated():
+    log = turned(flight(), "mag", 1.8)
+    (text,) = told(log)
+    assert text.endswith("not calibrated, or disturbed")
+
+
+def test_gravity_that_is_a_little_off_is_a_scale():
+    (text,) = told(turned(flight(), "accel", 1.15))
+    assert text.endswith("its scale or bias is wrong")
+
+
+def test_rest_leaves_axes_open():
+    log = flight(resting)
+    assert told(turned(log, "gyro", DEGREES)) == []
+    assert told(turned(log, "mag", SWAPPED)) == []
+
+
+def test_noise_leaves_axes_open():
+    log, rng = flight(), np.random.default_rng(1)
+    for name in ("gyro", "accel", "mag"):
+        noise = rng.normal(size=log.signals[name].y.shape) * np.abs(log.signals[name].y).max()
+        mixed = Signal(log.signals[name].t, log.signals[name].y + 3.0 * noise, name)
+        log = replace(log, signals={**log.signals, name: mixed})
+    assert not any("axes" in text or "turn" in text for text in told(without(log)))
+
+
+@pytest.mark.parametrize("value", [0.0, 1e200, -1e308])
+def test_absurd_values_break_nothing(value):
+    log = flight(duration=5.0)
+    for name in ("gyro", "accel", "mag"):
+        signal = log.signals[name]
+        filled = Signal(signal.t, np.full_like(signal.y, value), name)
+        inspection.doubts(replace(log, signals={**log.signals, name: filled}))
+    signals = {name: Signal(s.t[:1], s.y[:1]) for name, s in log.signals.items()}
+    assert inspection.doubts(replace(log, signals=signals)) == ()
