@@ -62,13 +62,19 @@ def read(log: Path, configuration: Configuration) -> Recording:
     return readers.read(log, options)
 
 
-def inspect(log: Path, configuration: Configuration) -> tuple[Recording, dict[str, Any]]:
-    """Read a log, and return it with the description of what is in it and whether it can answer."""
+def inspect(
+    log: Path, configuration: Configuration, options: Sequence[str] = ()
+) -> tuple[Recording, dict[str, Any]]:
+    """Read a log, and describe what is in it and whether it can answer.
+
+    The options are those that the command to run it will need.
+    """
     recording = _doubted(read(log, configuration))
     described, inspected = report.describe(recording), inspection.inspect(recording)
     for name, figures in inspected.pop("signals").items():
         described["signals"][name] |= figures
-    return recording, described | inspected
+    command = inspection.command(recording, options)
+    return recording, described | inspected | {"command": command}
 
 
 def _doubted(recording: Recording) -> Recording:

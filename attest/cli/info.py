@@ -1,27 +1,73 @@
 """``attest info``."""
 
 import json
-from typing import Any
+from collections.abc import Iterator
+from pathlib import Path
 
 import click
 
 from attest.cli.logs import logs as find_logs
-from attest.cli.options import json_option, vehicle_option, world_option
+from attest.cli.options import assignments_option, json_option, vehicle_option, world_option
+from attest.errors import ConfigError
+
+EPILOG = """\b
+Examples:
+  attest info flight.tlog --json
+  attest info flight.bin --imu IMU[1] --plot signals.png
+  attest info flight.bag --set input.topics.mag=/mag
+"""
 
 
-@click.command(epilog="\b\nExample:\n  attest info flight.tlog --json\n")
+@click.command(epilog=EPILOG)
 @click.argument("logs", nargs=-1, required=True, metavar="LOG...")
 @vehicle_option
 @world_option
+@click.option("--imu", metavar="NAME", help="Message or topic of the IMU.  [default: the best]")
+@assignments_option
+@click.option("--plot", type=click.Path(path_type=Path), metavar="FILE.png", help="Plot signals.")
 @json_option
-def info(*, logs: tuple[str, ...], vehicle: str | None, world: Any, as_json: bool) -> None:
-    """Tell what is in a log: vehicles, signals, rates, gaps, clocks, references, doubts."""
-    from attest import readers, report
-    from attest.readers.options import ReadOptions
+def info(
+    *,
+    logs: tuple[str, ...],
+    vehicle: str | None,
+    world: str | None,
+    imu: str | None,
+    assignments: tuple[str, ...],
+    plot: Path | None,
+    as_json: bool,
+) -> None:
+    """Tell whether a log can answer: signals, what they are worth, clocks, references, doubts."""
+    from attest import pipeline, report
+    from attest.writers.json import to_json
 
-    for i, log in enumerate(find_logs(logs)):
-        described = report.describe(readers.read(log, ReadOptions(vehicle=vehicle, world=world)))
+    found = find_logs(logs)
+    if plot is not None and len(found) > 1:
+        raise ConfigError(f"--plot {plot}: one picture for {len(found)} logs. Name one log.")
+    options = list(_options(vehicle=vehicle, world=world, imu=imu, assignments=assignments))
+    configuration = pipeline.configure("fts", [*_chosen(vehicle, world, imu), *assignments])
+    for i, log in enumerate(found):
+        recording, described = pipeline.inspect(log, configuration, options)
+        if plot is not None:
+            report.plot(recording, plot)
         if as_json:
-            click.echo(json.dumps(described, ensure_ascii=False, allow_nan=False))
+            click.echo(to_json(described))
         else:
             click.echo(("\n" if i else "") + report.text_of_info(described))
+
+
+def _chosen(vehicle: str | None, world: str | None, imu: str | None) -> Iterator[str]:
+    """Yield the options as the keys of the configuration that they stand for."""
+    for key, value in (("vehicle", vehicle), ("world", world), ("imu", imu)):
+        if value is not None:
+            yield f"input.{key}={json.dumps(value)}"
+
+
+def _options(
+    *, vehicle: str | None, world: str | None, imu: str | None, assignments: tuple[str, ...]
+) -> Iterator[str]:
+    """Yield the options as `run` takes them."""
+    for name, value in (("--vehicle", vehicle), ("--world", world)):
+        if value is not None:
+            yield from (name, value)
+    for assignment in (*_chosen(None, None, imu), *assignments):
+        yield from ("--set", assignment)

@@ -36,15 +36,18 @@ def _told(recording: Recording) -> Recording:
 
 def inspect(recording: Recording) -> dict[str, Any]:
     """Return figures of each signal, of the place and of the motion, JSON-like."""
-    recording = _told(recording)
+    told = _told(recording)
     with np.errstate(all="ignore"):
-        turns = axes.fits(recording)
-        return _figures(recording, turns)
+        signals = {
+            name: figures.of(name, signal)
+            for name, signal in recording.signals.items()
+            if len(signal.t)
+        }
+        return {"signals": signals} | _physics(told, axes.fits(told))
 
 
-def _figures(recording: Recording, turns: Mapping[str, Fit]) -> dict[str, Any]:
+def _physics(recording: Recording, turns: Mapping[str, Fit]) -> dict[str, Any]:
     return {
-        "signals": {name: figures.of(signal) for name, signal in recording.signals.items()},
         "earth": figures.of_earth(recording, place.find(recording)),
         "motion": motion.of(recording),
         "gyro_correction": motion.correction(recording),

@@ -20,13 +20,18 @@ FINE = 30
 """Distinct values of a signal before one of them can stand out as its limit."""
 STANDS_OUT = 5
 """How many times as often a limit is met as the value next to it."""
+STEP_SAMPLES = 20_000
+"""That a step is taken from."""
 STEP_TOLERANCE = 0.02
-"""How far from a whole number of steps a difference of values may be, in steps."""
-MOST_STEPS = 1e5
-"""Between values next to each other: more are no steps, but chance."""
+"""How far from a whole number of steps a difference of values may be, in steps, and how many of
+them further."""
+ROUNDING = 1e-9
+"""Share of the greatest value that is no difference between two."""
+MOST_STEPS = 50
+"""Between neighbours among values that are nearly all different: more is chance."""
 
 
-def of(signal: Signal) -> dict[str, Any]:
+def of(name: str, signal: Signal) -> dict[str, Any]:
     """Return the figures of one signal, JSON-like, in its own unit."""
     t, y = signal.t[:MOST_SAMPLES], signal.y[:MOST_SAMPLES]
     same = np.all(y[1:] == y[:-1], axis=1)
@@ -38,7 +43,8 @@ def of(signal: Signal) -> dict[str, Any]:
         "repeated": round(float(same.mean()), 4) if len(same) else 0.0,
         "stuck_s": round(_longest(t, same), 3),
         "saturated": sum(_saturated(column) for column in y.T),
-        "step": max((_step(column) for column in y.T), default=0.0) or None,
+        # latitude and altitude share no unit, and no step
+        "step": None if name == "position" else max(map(_step, y.T), default=0.0) or None,
     }
 
 
@@ -93,18 +99,14 @@ def _saturated(x: Array) -> int:
 
 def _step(x: Array) -> float:
     """Return the step that all values are a whole number of, 0 where there is none."""
-    levels = np.unique(x[:20_000])
-    if len(levels) < 3:
-        return 0.0
+    x = x[:STEP_SAMPLES]
+    levels = np.unique(x)
     apart = np.diff(levels)
-    apart = apart[apart > 1e-9 * max(abs(levels[0]), abs(levels[-1]))]
-    if not len(apart):
+    apart = apart[apart > ROUNDING * np.abs(x).max()]
+    if len(apart) < 2:
         return 0.0
-    step = float(apart.min())
-    step = float(np.median(apart[apart < 1.5 * step]))
+    step = float(np.median(apart[apart < 1.5 * apart.min()]))
     count = apart / step
-    whole = np.abs(count - np.round(count)) < STEP_TOLERANCE * np.maximum(1.0, np.round(count) / 10)
-    likely = len(levels) < 0.5 * len(x[:20_000]) or count.max() < 50
-    return (
-        float(f"{step:.6g}") if likely and whole.mean() > 0.98 and count.max() < MOST_STEPS else 0.0
-    )
+    few = len(levels) < 0.5 * len(x) or count.max() < MOST_STEPS
+    off = np.abs(count - np.round(count)) > STEP_TOLERANCE * np.maximum(1.0, 0.1 * count)
+    return float(f"{step:.6g}") if few and off.mean() < STEP_TOLERANCE else 0.0

@@ -47,7 +47,6 @@ def doubts(recording: Recording, found: Mapping[str, Fit]) -> Iterator[Note]:
 
 
 def _seen(reference: Reference, q: Array) -> Signal:
-    step = float(np.median(np.diff(reference.t))) * 1e-9 if len(reference.t) > 1 else FINEST
-    every = max(1, int(FINEST / step))
+    every = max(1, int(FINEST / turning.period(reference.t)))
     body = quaternion.rotate(quaternion.conjugate(q[::every]), NORTH)
     return Signal(reference.t[::every], body, reference.name)

@@ -26,6 +26,7 @@ BLOCK = 1000
 """Samples in a row that are taken or left together."""
 MOST_BLOCKS = 20
 """Of the blocks, those with the most motion are taken."""
+PERIOD_STAMPS = 10_000
 FINEST = 0.004
 """Faster gyroscopes are averaged to this step, s."""
 CELL = 0.2
@@ -103,7 +104,7 @@ def _cells(gyro: Signal, vector: Signal) -> Cells | None:
     """Return change of the vector and both integrals by cell, (3 n,), (3 n, 9) and (3 n, 3)."""
     if len(gyro.t) < FEWEST or len(vector.t) < FEWEST:
         return None
-    step = [float(np.median(np.diff(s.t))) * 1e-9 for s in (gyro, vector)]
+    step = [period(s.t) for s in (gyro, vector)]
     width = max(CELL, 3.0 * max(step))
     if width > LONGEST_CELL:
         return None
@@ -117,6 +118,11 @@ def _cells(gyro: Signal, vector: Signal) -> Cells | None:
         return None
     y, X, Z = (np.concatenate(part) for part in zip(*found, strict=True))
     return y, X, Z
+
+
+def period(t: NDArray[np.int64]) -> float:
+    """Return the usual time between stamps, s, by the first ones."""
+    return float(np.median(np.diff(t[:PERIOD_STAMPS]))) * 1e-9
 
 
 def _moving(gyro: Array, size: int) -> NDArray[np.intp]:

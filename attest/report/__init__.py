@@ -2,12 +2,14 @@
 
 from attest.report.gains import text_of_observer
 from attest.report.info import describe, text_of_info
+from attest.report.plot import plot
 from attest.report.ranking import rank, text_of_ranking
 from attest.report.summary import summarise
 from attest.report.table import text_of_run
 
 __all__ = [
     "describe",
+    "plot",
     "rank",
     "summarise",
     "text_of_info",

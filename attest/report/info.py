@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from attest.recording import Note, Recording
+from attest.report.worth import text_of_worth
 
 GAP = 5
 """A gap is a step of more than this many times the median."""
@@ -35,7 +36,7 @@ def describe(recording: Recording) -> dict[str, Any]:
         "duration_s": _duration(recording),
         "restarts": len(recording.restarts),
         "signals": {
-            name: {"source": s.source, "unit": _unit(name), **rhythm(s.t)}
+            name: {"source": s.source, "unit": unit_of(name), **rhythm(s.t)}
             for name, s in recording.signals.items()
         },
         "references": {
@@ -46,7 +47,8 @@ def describe(recording: Recording) -> dict[str, Any]:
     }
 
 
-def _unit(name: str) -> str:
+def unit_of(name: str) -> str:
+    """Return the unit of a signal by its name, or nothing."""
     return "m" if name.removeprefix("point").isdecimal() else UNITS.get(name, "")
 
 
@@ -88,7 +90,7 @@ def text_of_info(info: Mapping[str, Any]) -> str:
         f"  {name:11s} {s['source']:24s}{_rhythm(s)}  {s['unit']}"
         for name, s in info["signals"].items()
     ]
-    lines += ["", *_references(info["references"])]
+    lines += [*text_of_worth(info), "", *_references(info["references"])]
     return "\n".join([*lines, *text_of_notes(info)])
 
 

@@ -1,0 +1,84 @@
+"""What the signals of a log are worth, as text: values, physics, motion, the command to run."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+GRAVITY = "9.81 m/s²"
+
+
+def text_of_worth(info: Mapping[str, Any]) -> list[str]:
+    """Return what an inspection adds to a description, as lines; none without one."""
+    if "earth" not in info:
+        return []
+    head = f"  {'values':12s}{'jitter':>9s}{'repeated':>10s}{'stuck':>9s}{'at limit':>10s}"
+    lines = ["", f"{head}{'step':>11s}  range of each axis"]
+    lines += [_values(name, signal) for name, signal in info["signals"].items() if "min" in signal]
+    return [*lines, "", *(f"  {name:12s}{text}" for name, text in _physics(info))]
+
+
+def _values(name: str, s: Mapping[str, Any]) -> str:
+    jitter = "-" if s["jitter_ms"] is None else f"{s['jitter_ms']:.3g} ms"
+    stuck = f"{s['stuck_s']:.2f} s" if s["stuck_s"] else "-"
+    step = "-" if s["step"] is None else f"{s['step']:.3g}"
+    ranges = ", ".join(_range(low, high) for low, high in zip(s["min"], s["max"], strict=True))
+    return (
+        f"  {name:11s} {jitter:>9s}{s['repeated']:>10.1%}{stuck:>9s}{s['saturated'] or '-':>10}"
+        f"{step:>11s}  {ranges}"
+    )
+
+
+def _range(low: float, high: float) -> str:
+    """Write a range with as many digits as tell its ends apart."""
+    digits = 3
+    if high > low:
+        digits += max(0, int(np.log10(max(abs(low), abs(high)) / (high - low))))
+    digits = min(digits, 9)
+    return f"{low:.{digits}g} … {high:.{digits}g}"
+
+
+def _physics(info: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    earth, motion = info["earth"], info["motion"]
+    if "gravity_ms2" in earth:
+        yield "gravity", f"{earth['gravity_ms2']:.2f} m/s² in the median, {GRAVITY} expected"
+    if "field_ut" in earth:
+        yield "field", _field(earth)
+    if "place" in earth:
+        yield "place", _place(earth)
+    if info["turns_explained"]:
+        shares = (f"{name} {max(0.0, x):.0%}" for name, x in info["turns_explained"].items())
+        told = ", ".join(shares)
+        yield "turns", f"{told} follow from the gyroscope (few at rest, few of accel in flight)"
+    if motion is not None:
+        yield "motion", _motion(motion)
+    if info["gyro_correction"] is not None:
+        yield "gyroscope", str(info["gyro_correction"])
+    if info["command"] is None:
+        yield "to run", "nothing: it has neither a gyroscope nor feature points"
+    else:
+        yield "to run", str(info["command"])
+
+
+def _field(earth: Mapping[str, Any]) -> str:
+    model = f"{earth['field_ut_model']:.1f} by the model" if "place" in earth else "22-67 on Earth"
+    return f"{earth['field_ut']:.4g} µT in the median, {model}"
+
+
+def _place(earth: Mapping[str, Any]) -> str:
+    latitude, longitude, altitude = earth["place"]
+    when = "at no known date" if earth["year"] is None else f"in {earth['year']:.1f}"
+    return (
+        f"{latitude:.4f}, {longitude:.4f}, {altitude:.0f} m {when}: declination "
+        f"{earth['declination_deg']:+.1f}°, dip {earth['dip_deg']:+.1f}°"
+    )
+
+
+def _motion(motion: Mapping[str, Any]) -> str:
+    edge = motion["edge_of_band"]
+    verdict = "fast enough" if motion["fast_enough"] else "TOO SLOW"
+    text = (
+        f"the gyroscope is {verdict} for it: up to {motion['fastest_rad_s']:.2f} rad/s, "
+        f"{motion['large_steps']:.1%} of steps over 0.1 rad"
+    )
+    return text if edge is None else f"{text}, {edge:.1%} of power at the band's edge"

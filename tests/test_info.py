@@ -1,0 +1,191 @@
+"""What `attest info` tells of a log: figures, place, motion, the command; as text, JSON, PNG."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from flights import FIELD, at, flight, gyro, recording, resting, stamps, tumbling
+
+from attest import inspection, readers, report, simulation
+from attest.cli import cli
+from attest.recording import Signal
+from attest.report.plot import _thinned
+
+
+def figures(y, rate=100.0):
+    """Return the figures of a gyroscope with these values about x."""
+    t = stamps(rate, len(y) / rate)
+    signal = Signal(t, np.stack([y, np.zeros_like(y), np.zeros_like(y)], axis=1), "GYRO")
+    return inspection.inspect(recording({"gyro": signal}))["signals"]["gyro"]
+
+
+def info(*arguments):
+    return CliRunner().invoke(cli, ["info", *map(str, arguments)], catch_exceptions=False)
+
+
+@pytest.fixture(scope="module")
+def wave():
+    return np.sin(np.linspace(0.0, 60.0, 3000))
+
+
+def test_range_and_median_are_those_of_the_values(wave):
+    told = figures(wave)
+    assert (told["min"][0], told["max"][0]) == (wave.min(), wave.max())
+    assert told["median"] == [np.median(wave), 0.0, 0.0]
+
+
+def test_a_limit_of_the_sensor_is_counted_on_both_sides(wave):
+    assert figures(wave)["saturated"] == 0
+    clipped = np.clip(wave, -0.9, 0.8)
+    assert figures(clipped)["saturated"] == np.sum((wave < -0.9) | (wave > 0.8))
+    # few steps at rest are no limit: each is met about as often as the next
+    assert figures(np.round(0.01 * wave, 2))["saturated"] == 0
+
+
+def test_a_value_that_does_not_change_is_stuck(wave):
+    assert figures(wave)["stuck_s"] == 0.0
+    frozen = wave.copy()
+    frozen[1000:1501] = frozen[1000]
+    told = figures(frozen)
+    assert told["stuck_s"] == pytest.approx(5.0)
+    assert told["repeated"] == pytest.approx(500 / 2999, abs=1e-4)
+
+
+@pytest.mark.parametrize("step", [0.001, 0.0125])
+def test_quanta_are_found(wave, step):
+    assert figures(np.round(wave / step) * step)["step"] == pytest.approx(step, rel=0.01)
+    assert figures(wave)["step"] is None
+
+
+def test_jitter_is_that_of_the_stamps():
+    rng = np.random.default_rng(1)
+    t = stamps(100.0, 30.0)
+    late = rng.integers(-2_000_000, 2_000_000, len(t))
+    y = np.zeros((len(t), 3))
+    told = inspection.inspect(recording({"gyro": Signal(t + late, y)}))["signals"]["gyro"]
+    assert 2.0 < told["jitter_ms"] < 4.0
+    assert figures(np.zeros(3000))["jitter_ms"] == 0.0
+
+
+def test_a_gyroscope_is_fast_enough_or_not():
+    def motion(rate):
+        return inspection.inspect(recording({"gyro": gyro(tumbling, stamps(rate, 60.0))}))["motion"]
+
+    assert motion(100.0)["fast_enough"]
+    assert not motion(5.0)["fast_enough"]
+    assert motion(5.0)["large_steps"] > 0.5
+    still = inspection.inspect(recording({"gyro": gyro(resting, stamps(5.0, 60.0))}))["motion"]
+    assert still["fast_enough"]
+
+
+def test_motion_beyond_the_band_makes_it_too_slow():
+    t = stamps(100.0, 60.0)
+    hum = 0.5 * np.sin(2.0 * np.pi * 46.0 * at(t))
+    told = inspection.inspect(recording({"gyro": Signal(t, np.stack([hum] * 3, axis=1))}))
+    assert told["motion"]["edge_of_band"] > 0.9
+    assert not told["motion"]["fast_enough"]
+
+
+def test_place_declination_and_dip_are_told_where_known():
+    log = flight()
+    assert "place" not in inspection.inspect(log)["earth"]
+    position = Signal(stamps(1.0, 3.0), np.tile([47.4, 8.55, 500.0], (3, 1)))
+    earth = inspection.inspect(replace(log, signals={**log.signals, "position": position}))["earth"]
+    assert earth["place"] == [47.4, pytest.approx(8.55), 500.0]
+    assert earth["year"] is None
+    assert earth["declination_deg"] == pytest.approx(3.3, abs=0.5)
+    assert earth["dip_deg"] == pytest.approx(63.5, abs=0.5)
+    assert earth["gravity_ms2"] == pytest.approx(9.8067, abs=1e-3)
+    assert earth["field_ut"] == pytest.approx(np.linalg.norm(FIELD) * 1e6, abs=0.1)
+
+
+def test_the_gyroscope_of_some_messages_has_its_bias_taken_out():
+    log = flight()
+    for source, word in (("HIGHRES_IMU", "less the bias"), ("sensor_gyro[1]", "raw")):
+        signal = replace(log.signals["gyro"], source=source)
+        told = inspection.inspect(replace(log, signals={**log.signals, "gyro": signal}))
+        assert word in told["gyro_correction"]
+    assert inspection.inspect(log)["gyro_correction"] is None
+
+
+def test_the_command_is_the_one_that_runs_it():
+    log = flight()
+    assert inspection.command(log, ["--world", "enu"]) == "attest run flight.csv --world enu"
+    points = {f"point{i}": log.signals["accel"] for i in (1, 2, 3)}
+    assert "relative_fts" in inspection.command(replace(log, signals=points))
+    assert inspection.command(replace(log, signals={"mag": log.signals["mag"]})) is None
+
+
+def test_json_is_the_description_with_the_figures(sample_logs):
+    path = sample_logs / "quadcopter.tlog"
+    told = json.loads(info(path, "--json").stdout)
+    assert told["signals"]["gyro"]["step"] == 0.001
+    assert told["signals"]["gyro"]["rate_hz"] == pytest.approx(50.0, abs=0.1)
+    assert told["command"] == f"attest run {path}"
+    assert told["motion"]["fast_enough"]
+    assert told["turns_explained"]["mag"] > 0.9
+    assert told["warnings"] == []
+
+
+def test_text_fits_one_screen_and_tells_it_all(sample_logs):
+    text = info(sample_logs / "quadcopter.tlog").stdout
+    for piece in ("values", "gravity", "declination +3.6°", "fast enough", "to run", "(default)"):
+        assert piece in text
+    assert len(text.splitlines()) < 40
+
+
+def test_options_choose_what_is_read_and_are_repeated_in_the_command(sample_logs):
+    path = sample_logs / "quadcopter.tlog"
+    told = json.loads(info(path, "--imu", "RAW_IMU", "--set", "input.vehicle='1'", "--json").stdout)
+    assert told["command"].endswith(
+        """--set 'input.imu="RAW_IMU"' --set 'input.vehicle='"'"'1'"'"''"""
+    )
+
+
+def test_plot_is_a_png_of_the_signals(sample_logs, tmp_path):
+    picture = tmp_path / "signals.png"
+    assert info(sample_logs / "quadcopter.tlog", "--plot", picture).exit_code == 0
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_long_signal_is_drawn_with_all_its_peaks(tmp_path):
+    t = stamps(1000.0, 60.0)
+    y = np.zeros((len(t), 3))
+    y[31_234, 0] = 1.0
+    at_, x = _thinned(at(t), y[:, 0])
+    assert len(x) < 5_000
+    assert x.max() == 1.0
+    assert at_[np.argmax(x)] == pytest.approx(31.2, abs=0.1)
+    report.plot(recording({"gyro$": Signal(t, y)}), tmp_path / "peak.png")
+
+
+def test_doubts_are_shown_as_warnings(tmp_path):
+    made = simulation.simulate("handheld")
+    signals = {**made.signals, "mag": Signal(made.signals["mag"].t, made.signals["mag"].y * 1e3)}
+    simulation.write(tmp_path / "flight.csv", replace(made, signals=signals))
+    assert "! the magnetometer reads" in info(tmp_path / "flight.csv").stdout
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize(
+    ("name", "doubts"),
+    [
+        ("tlog/quadplane_sitl.tlog", 0),
+        ("tlog/bluerov2.tlog", 1),
+        ("dataflash/bluerov2.BIN", 1),
+        ("dataflash/plane_truncated.BIN", 0),
+        ("ulog/auav_x21.ulg", 0),
+        ("ulog/cubeorange_rest.ulg", 0),
+        ("ulog/sitl_groundtruth.ulg", 0),
+        ("rosbag1/ardrone_imu.bag", 0),
+        ("rosbag1/phidgets_upside_down.bag", 0),
+        ("rosbag1/razor_vector3_gauss.bag", 0),
+        ("rosbag1/xsens_tilt_laser.bag", 0),
+    ],
+)
+def test_recorded_logs_are_doubted_only_for_their_disturbed_fields(shared, name, doubts):
+    texts = [note.text for note in inspection.doubts(readers.read(shared / name))]
+    assert len(texts) == doubts
+    assert all(text.endswith("not calibrated, or disturbed") for text in texts)
