@@ -28,7 +28,7 @@ def north(reference: Reference) -> Signal:
 
 
 def doubts(recording: Recording, found: Mapping[str, Fit]) -> Iterator[Note]:
-    """Yield that the default reference does not turn as the gyroscope, which is itself right."""
+    """Yield that the default reference does not turn as the gyroscope does."""
     reference, fit = default(recording), found.get("reference")
     if reference is None or fit is None or fit.as_read >= FITS:
         return
@@ -43,7 +43,9 @@ def doubts(recording: Recording, found: Mapping[str, Fit]) -> Iterator[Note]:
             yield Note(text + form, doubt=True)
             return
     if fit.best > CLEAR and fit.unique and not fit.shared:
-        yield Note(text + "of a body with other axes", doubt=True)
+        alone = not any(other.as_read >= FITS for other in found.values())
+        neutral = f"the gyroscope's axes and those of the reference {reference.name} differ"
+        yield Note(neutral if alone else text + "of a body with other axes", doubt=True)
 
 
 def _seen(reference: Reference, q: Array) -> Signal:
