@@ -25,6 +25,7 @@ from attest.errors import AttestError, ConfigError, ReadError
 from attest.estimates import Estimates
 from attest.metrics import Metrics
 from attest.observers.observer import Observer
+from attest.readers import reference_file
 from attest.readers.options import ReadOptions
 from attest.recording import Note, Recording
 from attest.result import Result, ranked
@@ -51,15 +52,18 @@ def configure(name: str, assignments: Sequence[str] = ()) -> Configuration:
 
 
 def read(log: Path, configuration: Configuration) -> Recording:
-    """Read a log as the configuration asks."""
+    """Read a log as the configuration asks, and the reference if that is of another file."""
     wanted = configuration.input
     options = ReadOptions(
         vehicle=wanted.vehicle,
         imu=wanted.imu,
         topics=wanted.topics.model_dump(exclude_none=True),
         world=wanted.world,
+        csv=wanted.csv,
     )
-    return readers.read(log, options)
+    return reference_file.join(
+        readers.read(log, options), configuration.evaluation.reference, options
+    )
 
 
 def inspect(

@@ -42,7 +42,9 @@ def log_options(command: F) -> F:
         click.option("--start", type=float, metavar="S", help="Leave out what is earlier, s."),
         world_option,
         click.option(
-            "--reference", metavar="NAME|none", help="Compare with this one.  [default: the best]"
+            "--reference",
+            metavar="NAME|FILE|none",
+            help="Compare with this one, of the log or of a file.  [default: the log's best]",
         ),
     ):
         command = option(command)

@@ -5,7 +5,9 @@ them.
 """
 
 from attest.config.check import validate
+from attest.config.csv import Csv
 from attest.config.files import dump, effective, find, folder, override, read, shipped
+from attest.config.section import Section
 from attest.config.settings import (
     Conditioning,
     Configuration,
@@ -14,7 +16,6 @@ from attest.config.settings import (
     Input,
     Magnetometer,
     PointsConfiguration,
-    Section,
     SpecificForce,
     Vector,
     VectorWeights,
@@ -24,6 +25,7 @@ from attest.config.settings import (
 __all__ = [
     "Conditioning",
     "Configuration",
+    "Csv",
     "Evaluation",
     "Initial",
     "Input",

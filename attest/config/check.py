@@ -7,7 +7,8 @@ from typing import Any, TypeVar, get_args
 
 from pydantic import ValidationError
 
-from attest.config.settings import Configuration, Section
+from attest.config.section import Section
+from attest.config.settings import Configuration
 from attest.errors import ConfigError
 
 C = TypeVar("C", bound=Configuration)
@@ -68,7 +69,7 @@ def _keys(loc: tuple[int | str, ...]) -> list[int | str]:
 
 def _is_key(part: str) -> bool:
     """Whether a part of pydantic's location is a key, and not the branch of a union."""
-    return part.isidentifier() and part not in {"str", "float", "tuple", "literal"}
+    return part.isidentifier() and part not in {"str", "int", "float", "tuple", "literal"}
 
 
 def _known(model: type[Section], keys: list[Any]) -> list[str]:

@@ -3,25 +3,17 @@
 An observer's module extends `Configuration` by its gains; the rest is the same for all.
 """
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import Field, field_validator
+
+from attest.config.csv import Csv
+from attest.config.section import Section
 
 Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 Rate = Annotated[float, Field(ge=-1e3, le=1e3)]
 """rad/s; no body turns as fast."""
-
-
-class Section(BaseModel):
-    """A group of keys: unknown keys and infinities are refused, values never change."""
-
-    model_config = ConfigDict(
-        extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
-    )
-
-    theorem: ClassVar[str] = ""
-    """Where the ranges of the keys come from."""
 
 
 class Weights(Section):
@@ -143,6 +135,8 @@ class Input(Section):
     """System id, or system/component, where a log has several vehicles."""
     world: Literal["ned", "enu"] | None = None
     """World axes of a format that does not say; null is enu for ROS, and ned for others."""
+    csv: Csv | None = None
+    """Columns and units of a CSV; null: those that its header names."""
     start_s: Annotated[float | None, Field(ge=0)] = None
     """Leave out what is earlier than this, seconds from the log's first gyroscope sample."""
     end_s: Annotated[float | None, Field(gt=0)] = None
@@ -153,7 +147,8 @@ class Evaluation(Section):
     """How the estimate is compared."""
 
     reference: str | None = None
-    """Name of the reference; null takes the best of the log, none compares with nothing."""
+    """Name of the reference, or a file that holds one; null takes the best of the log, none
+    compares with nothing."""
     settling_bound_deg: Annotated[float, Field(gt=0, le=180)] = 5.0
     """The total error counts as settled when it stays below this."""
     longest_gap_s: Annotated[float, Field(gt=0)] = 2.0

@@ -14,7 +14,7 @@ from attest.recording import Recording
 
 __all__ = ["NAMES", "ReadOptions", "is_log", "logs_in", "read", "recognise"]
 
-NAMES = ("ros", "ulog", "dataflash", "tlog", "csv")
+NAMES = ("ros", "ulog", "dataflash", "tlog", "sensor_logger", "csv")
 """Modules in the order they are asked; imported on use."""
 HEAD = 1 << 16
 """Bytes that a reader may look at to recognise a file."""
@@ -28,18 +28,24 @@ class _Reader(Protocol):
         """Read the whole log."""
 
 
-def recognise(path: Path) -> str:
-    """Return the name of the reader for a file.
+def recognise(path: Path, *, mapped: bool = False) -> str:
+    """Return the name of the reader for a file; of a CSV whose columns are told, any file's.
 
     Raises
     ------
     ReadError
         There is no such file, or no reader knows it.
     """
+    from attest.readers import csv_layouts
+
     head = _head(path)
     for name in NAMES:
         if _reader(name).recognises(head, path):
             return name
+    if mapped and path.is_file():
+        return "csv"
+    if csv_layouts.of_trajectory(path) is not None:
+        raise csv_layouts.no_log(path)
     formats = ", ".join(NAMES)
     raise ReadError(
         f"{path}: not a log that attest knows ({formats}). Check that it is the file you meant."
@@ -81,9 +87,10 @@ def read(path: Path, options: ReadOptions | None = None) -> Recording:
     ConfigError
         The options ask for what the log does not hold.
     """
-    name = recognise(path)
+    options = options or ReadOptions()
+    name = recognise(path, mapped=options.csv is not None)
     try:
-        return _reader(name).read(path, options or ReadOptions())
+        return _reader(name).read(path, options)
     except OSError as error:
         raise _unreadable(path, error) from error
 
@@ -94,9 +101,9 @@ def _reader(name: str) -> _Reader:
 
 def _head(path: Path) -> bytes:
     if path.is_dir():
-        from attest.readers import ros_files
+        from attest.readers import ros_files, sensor_logger
 
-        if ros_files.is_folder(path):
+        if ros_files.is_folder(path) or sensor_logger.is_folder(path):
             return b""
         raise ReadError(f"{path}: a folder, and no log in this folder was named. Give a log file.")
     if path.exists() and not path.is_file():

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from attest.config import Csv
 from attest.recording import World
 
 
@@ -18,5 +19,5 @@ class ReadOptions:
     """Topic for gyro, accel, mag, velocity, position, torque, points or reference."""
     world: World | None = None
     """World axes of a log that does not say."""
-    csv: Mapping[str, object] | None = None
+    csv: Csv | None = None
     """Columns and units of a CSV that is not the canonical one."""

@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from attest.errors import ConfigError, ReadError
-from attest.readers import csv
+from attest.errors import ReadError
+from attest.readers import csv, csv_signals
 from attest.readers.options import ReadOptions
 
 GYRO = "time_s,gyro_x,gyro_y,gyro_z"
@@ -154,7 +154,7 @@ def test_one_wild_stamp_costs_itself_alone(load):
 @given(st.lists(st.integers(0, 12), max_size=12))
 def test_kept_stamps_are_the_most_that_advance(stamps):
     t = np.array(stamps, np.int64)
-    good = csv._advancing(t)
+    good = csv_signals._advancing(t)
     longest = [1] * len(stamps)
     for i in range(len(stamps)):
         longest[i] += max((longest[j] for j in range(i) if stamps[j] < stamps[i]), default=0)
@@ -234,11 +234,6 @@ def test_what_cannot_be_used_is_one_line(load, tmp_path, text, message):
     with pytest.raises(ReadError) as caught:
         load(text)
     assert str(caught.value) == f"{tmp_path / 'log.csv'}: {message}"
-
-
-def test_a_mapping_is_refused_rather_than_ignored(load):
-    with pytest.raises(ConfigError, match=r"input\.csv is not known yet"):
-        load(f"{GYRO}\n0,1,2,3\n", csv={"time": {}})
 
 
 def test_a_missing_file_is_one_line(tmp_path):

@@ -85,8 +85,8 @@ def test_an_mcap_without_a_footer_and_without_chunks(tmp_path):
         (b"\x89MCAP0\r\n", "no message can be read. Record or copy the log again."),
         (b"SQLite format 3\0" + bytes(2000), "no message can be read. Record or copy the log "
          "again."),
-        (b"#ROSBAG V1.2\n", "not a log that attest knows (ros, ulog, dataflash, tlog, csv). Check "
-         "that it is the file you meant."),
+        (b"#ROSBAG V1.2\n", "not a log that attest knows (ros, ulog, dataflash, tlog, "
+         "sensor_logger, csv). Check that it is the file you meant."),
     ],
 )  # fmt: skip
 def test_empty_containers(tmp_path, content, message):

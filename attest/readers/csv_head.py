@@ -1,0 +1,117 @@
+"""The first lines of a CSV: which bytes are the header, and how the cells stand."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from attest.errors import ReadError
+
+TIME = "time_s"
+"""The column of seconds of a canonical CSV."""
+BLOCK = 1 << 20
+"""Longest header and row, bytes."""
+
+_UTF8, _UTF16 = b"\xef\xbb\xbf", (b"\xff\xfe", b"\xfe\xff")
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """How the cells of one file stand."""
+
+    names: tuple[str, ...]
+    """By column, empty where there is none."""
+    separator: str
+    decimal: str
+    quoted: bool
+    start: int
+    """Byte at which the rows begin."""
+    comment: str = "#"
+
+
+class Lines(NamedTuple):
+    """The first line that is neither empty nor a comment, and what stands before it."""
+
+    told: bytes
+    """The last comment before it, without its sign."""
+    first: bytes
+    begin: int
+    """Byte at which the first line begins."""
+    end: int
+    """Byte at which the next one begins."""
+
+
+def lines(head: bytes, skip: int = 0, comment: bytes = b"#") -> Lines:
+    """Find the first line of a file, some lines left out before it."""
+    end = len(_UTF8) if head.startswith(_UTF8) else 0
+    told = b""
+    for i, line in enumerate(head[end:].splitlines(keepends=True)):
+        begin, end = end, end + len(line)
+        if i < skip or not line.strip():
+            continue
+        if not line.lstrip().startswith(comment):
+            return Lines(told, line.strip(b" \r\n"), begin, end)
+        told = line.strip().removeprefix(comment).strip()
+    return Lines(told, b"", end, end)
+
+
+def cells(line: bytes, separator: str) -> tuple[str, ...]:
+    """Split a line into what can be shown of its cells."""
+    text = line.decode("utf-8", "replace")
+    text = "".join(c if c.isprintable() or c == "\t" else "?" for c in text)
+    if separator == " ":
+        return tuple(text.split())
+    return tuple(cell.strip(" \t\"'") for cell in text.split(separator))
+
+
+def fields(line: bytes, wanted: Collection[str] = (TIME,)) -> tuple[tuple[str, ...], str]:
+    """Split a header by the separator that yields the most of what is wanted, or else the most."""
+    known = set(wanted)
+    splits = [(cells(line, by), by) for by in ",;\t"]
+    return max(splits, key=lambda split: (len(known & set(split[0])), len(split[0])))
+
+
+def separator(row: bytes) -> str:
+    """Return what stands between the cells of a row of numbers; a decimal comma is none."""
+    return next((by for by in ";\t" if by.encode() in row), "," if b"," in row else " ")
+
+
+def read(path: Path) -> bytes:
+    """Return the beginning of a file.
+
+    Raises
+    ------
+    ReadError
+        It is UTF-16.
+    """
+    with path.open("rb") as file:
+        head = file.read(2 * BLOCK)
+    if head.startswith(_UTF16):
+        raise ReadError(f"{path}: a CSV in UTF-16. Save it as UTF-8.")
+    return head
+
+
+def decimal(separator: str, row: bytes) -> str:
+    """Return the sign before decimals."""
+    return "," if separator == ";" and b"," in row else "."
+
+
+def canonical(path: Path) -> Layout:
+    """Look at the header and the first row of a canonical CSV.
+
+    Raises
+    ------
+    ReadError
+        There is none, or no ``time_s`` column.
+    """
+    head = read(path)
+    line = lines(head[:BLOCK])
+    if not line.first:
+        raise ReadError(f"{path}: no header line. Start the file with time_s, gyro_x, ….")
+    names, by = fields(line.first)
+    if TIME not in names:
+        raise ReadError(f"{path}: no time_s column. Name the column of seconds time_s.")
+    row = lines(head[line.end :]).first
+    if not row:
+        raise ReadError(f"{path}: a header and no rows. Check how the file was made.")
+    return Layout(names, by, decimal(by, row), b'"' in line.first, line.end)

@@ -1,0 +1,219 @@
+"""What is taken from the columns of a CSV: by their canonical names, or as the user maps them."""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from math import pi
+from pathlib import Path
+from typing import NamedTuple
+
+from attest.config import Csv
+from attest.errors import ConfigError, ReadError
+from attest.readers import csv_head
+from attest.readers.csv_cells import Stamps
+from attest.readers.csv_head import TIME, Layout
+from attest.recording import Kind
+
+G = 9.80665
+"""m/s², of the accelerometers that measure in it."""
+
+_REF = ("ref_qw", "ref_qx", "ref_qy", "ref_qz")
+_POSITION = ("lat_deg", "lon_deg", "alt_m")
+_NAMES = {"vel": "velocity"}
+"""Signals that go by another name in a Recording."""
+_RESERVED = ("position", "velocity")
+"""Signals with a meaning that ``<name>_x`` columns would not have."""
+_FACTORS = {
+    "rad/s": 1.0, "deg/s": pi / 180.0, "m/s2": 1.0, "m/s^2": 1.0, "g": G, "mg": 1e-3 * G,
+    "T": 1.0, "mT": 1e-3, "uT": 1e-6, "nT": 1e-9, "gauss": 1e-4, "mgauss": 1e-7,
+}  # fmt: skip
+"""To SI."""
+_DIGITS = {"s": 9, "ms": 6, "us": 3, "ns": 0}
+
+
+class Group(NamedTuple):
+    """Columns that make up one signal."""
+
+    places: tuple[int, ...]
+    """Counted from 0."""
+    source: str
+    """The columns' names."""
+    factor: float = 1.0
+    """To SI."""
+
+
+class Attitude(NamedTuple):
+    """Columns that make up a reference."""
+
+    group: Group
+    """Of w, x, y, z."""
+    kind: Kind
+    by: str
+    """Who says that it is of this kind."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What is taken from which columns of one file."""
+
+    layout: Layout
+    stamps: Stamps
+    signals: Mapping[str, Group]
+    references: Mapping[str, Attitude]
+    unused: Sequence[str] = ()
+    clock: str = TIME
+    """The column of time by name."""
+
+
+def canonical(path: Path) -> Plan:
+    """Plan for a CSV whose header names everything.
+
+    Raises
+    ------
+    ReadError
+        It does not, or names it twice.
+    """
+    layout = csv_head.canonical(path)
+    groups = _groups(layout.names)
+    used = {name for group in groups.values() for name in group} | {TIME}
+    held = Counter(layout.names)
+    if twice := sorted(name for name in used if held[name] > 1):
+        raise ReadError(f"{path}: two columns are named {twice[0]}. Rename one.")
+    place = {name: i for i, name in enumerate(layout.names)}
+    found = {
+        name: Group(tuple(place[column] for column in columns), ", ".join(columns))
+        for name, columns in groups.items()
+    }
+    attitudes = {}
+    if "ref" in found:
+        attitudes["ref"] = Attitude(found.pop("ref"), "truth", "as the file declares it by ref_q "
+                                    "columns")  # fmt: skip
+    if "mag" in found:
+        found["mag"] = found["mag"]._replace(factor=_FACTORS["uT"])
+    unused = sorted(held.keys() - used - {""})
+    return Plan(layout, Stamps(place[TIME], 9), found, attitudes, unused)
+
+
+def _groups(names: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Columns of each signal."""
+    groups: dict[str, tuple[str, ...]] = {}
+    held = set(names)
+    if held >= set(_POSITION):
+        groups["position"] = _POSITION
+    if held >= set(_REF):
+        groups["ref"] = _REF
+    for name in names:
+        stem = name.removesuffix("_x")
+        axes = tuple(f"{stem}_{axis}" for axis in "xyz")
+        if name != stem and held >= set(axes) and stem not in (*_RESERVED, "time", "ref", ""):
+            groups[_NAMES.get(stem, stem)] = axes
+    return groups
+
+
+def further(names: Iterable[str]) -> bool:
+    """Whether there are feature points or other vectors, which can do without a gyroscope."""
+    return not {"accel", "mag", "torque", *_NAMES.values(), *_RESERVED} >= set(names)
+
+
+def mapped(path: Path, csv: Csv, by: str = "as input.csv says", name: str = "ref") -> Plan:
+    """Plan for a CSV whose columns are told.
+
+    Raises
+    ------
+    ReadError
+        There are no rows.
+    ConfigError
+        A column is told that the file does not have.
+    """
+    told = _told(csv)
+    layout = _layout(path, csv, [c for cs, _ in told.values() for c in cs if isinstance(c, str)])
+    places = {
+        key: tuple(_place(path, layout, column, f"input.csv.{key}") for column in columns)
+        for key, (columns, _) in told.items()
+    }
+    groups = {
+        key.removeprefix("vectors."): Group(
+            places[key], ", ".join(map(str, columns)), _FACTORS.get(unit, 1.0)
+        )
+        for key, (columns, unit) in told.items()
+    }
+    stamps = Stamps(groups.pop("time").places[0], _DIGITS[csv.time.unit])
+    attitude = groups.pop("reference", None)
+    kind = csv.reference.kind if csv.reference else "truth"
+    used = {place for several in places.values() for place in several}
+    unused = [name for i, name in enumerate(layout.names) if i not in used and name]
+    return Plan(
+        layout=layout,
+        stamps=stamps,
+        signals=groups,
+        references={name: Attitude(attitude, kind, by)} if attitude else {},
+        unused=unused,
+        clock=str(csv.time.column),
+    )
+
+
+def _told(csv: Csv) -> dict[str, tuple[tuple[str | int, ...], str]]:
+    """Columns and unit of each signal by its key."""
+    told: dict[str, tuple[tuple[str | int, ...], str]] = {"time": ((csv.time.column,), "")}
+    keys = ("gyro", "accel", "mag", "reference", "velocity", "position", "torque")
+    for key in keys:
+        if (section := getattr(csv, key)) is not None:
+            told[key] = section.columns, getattr(section, "unit", "")
+    return told | {f"vectors.{key}": (v.columns, "") for key, v in csv.vectors.items()}
+
+
+def _layout(path: Path, csv: Csv, wanted: Sequence[str]) -> Layout:
+    """How the cells stand, as far as told, and else as it looks."""
+    head = csv_head.read(path)
+    sign = csv.comment.encode()
+    line = csv_head.lines(head, csv.skip, sign)
+    names: tuple[str, ...] = ()
+    start, row = line.begin, line.first
+    if csv.header and line.first:
+        # a header may stand in a comment
+        header = max(line.first, line.told, key=lambda text: _found(text, csv.separator, wanted))
+        names, by = _split(header, csv.separator, wanted)
+        if header is line.first:
+            start, row = line.end, csv_head.lines(head[line.end :], 0, sign).first
+    else:
+        by = csv.separator or csv_head.separator(row)
+    if not row:
+        raise ReadError(f"{path}: no rows. Check the file, and input.csv.skip.")
+    width = len(csv_head.cells(row, by))
+    if not names or row.endswith(by.encode()):  # that ends each row
+        names += ("",) * (width - len(names))
+    quoted = b'"' in line.first + row
+    point = csv.decimal or csv_head.decimal(by, row)
+    return Layout(names, by, point, quoted, start, csv.comment)
+
+
+def _split(
+    header: bytes, separator: str | None, wanted: Sequence[str]
+) -> tuple[tuple[str, ...], str]:
+    if separator:
+        return csv_head.cells(header, separator), separator
+    split = csv_head.fields(header, wanted)
+    return split if len(split[0]) > 1 else (csv_head.cells(header, " "), " ")
+
+
+def _found(header: bytes, separator: str | None, wanted: Sequence[str]) -> int:
+    return len(set(_split(header, separator, wanted)[0]) & set(wanted))
+
+
+def _place(path: Path, layout: Layout, column: str | int, key: str) -> int:
+    """Place of a column by its name or number."""
+    names = layout.names
+    if isinstance(column, int):
+        if column > len(names):
+            raise ConfigError(f"{path}: no column {column} for {key}. The file has {len(names)}.")
+        return column - 1
+    if names.count(column) == 1:
+        return names.index(column)
+    if column in names:
+        raise ConfigError(f"{path}: two columns are named {column!r}. Give {key} its number.")
+    alike = {name.lower(): name for name in names if name}
+    near = get_close_matches(column.lower(), alike, n=1, cutoff=0.4)
+    hint = f"Did you mean {alike[near[0]]!r}? " if near else ""
+    held = ", ".join(filter(None, names))[:300] or f"{len(names)} columns without names"
+    raise ConfigError(f"{path}: no column {column!r} for {key}. {hint}The file has: {held}.")

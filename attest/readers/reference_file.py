@@ -1,0 +1,88 @@
+"""A reference from a second file, brought to the axes and the clock of a recording."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from attest import readers
+from attest.errors import ReadError
+from attest.geometry import quaternion
+from attest.readers import csv, csv_layouts
+from attest.readers.options import ReadOptions
+from attest.readers.ros_axes import BODY, WORLD
+from attest.recording import Note, Recording, Reference
+
+AXES = {
+    "ned": "north-east-down and body forward-right-down",
+    "enu": "z up and body forward-left-up",
+}
+
+
+def join(recording: Recording, name: str | None, options: ReadOptions) -> Recording:
+    """Add the best reference of a file to a recording, the first of all and by the file's name.
+
+    A reference of the recording's own wins over a file of its name.
+
+    Raises
+    ------
+    ReadError
+        The file cannot be read or holds no reference.
+    """
+    if name is None or name == "none" or name in recording.references:
+        return recording
+    path = Path(name)
+    try:
+        if not path.exists():
+            return recording  # and the choice of a reference will tell
+    except (OSError, ValueError):
+        return recording
+    other = _read(path, options)
+    if not other.references:
+        raise ReadError(f"{path}: no reference attitude in this file. Name another, or none.")
+    best = next(iter(other.references.values()))
+    attitude, notes = _brought(best, other, recording)
+    # of the file's own notes those about the reference
+    told = [replace(n, text=f"{path.name}: {n.text}") for n in other.notes if _tells(n, best)]
+    return replace(
+        recording,
+        references={name: replace(attitude, name=path.name), **recording.references},
+        notes=(*recording.notes, *told, *notes),
+    )
+
+
+def _read(path: Path, options: ReadOptions) -> Recording:
+    trajectory = path.is_file() and csv_layouts.of_trajectory(path) is not None
+    mapped = options.csv is not None and options.csv.reference is not None
+    if trajectory or readers.recognise(path, mapped=mapped) == "csv":
+        return csv.references(path, options)
+    return readers.read(path, replace(options, csv=None))
+
+
+def _tells(note: Note, best: Reference) -> bool:
+    return (
+        "reference" in note.text
+        or "axes" in note.text
+        or best.name in note.text
+        or note.text.startswith("layout")
+    )
+
+
+def _brought(
+    attitude: Reference, other: Recording, recording: Recording
+) -> tuple[Reference, list[Note]]:
+    """Turn and shift a reference of another recording to this one."""
+    name, notes = other.path.name, []
+    q, t = attitude.q, attitude.t
+    if other.world != recording.world:
+        q = quaternion.multiply(quaternion.multiply(WORLD, q), BODY)
+        text = f"{name}: turned from {AXES[other.world]} to {AXES[recording.world]}"
+        notes.append(Note(text))
+    theirs, ours = other.clock.utc_offset, recording.clock.utc_offset
+    if theirs is None or ours is None:
+        which = "neither file tells" if theirs is ours else "only one file tells"
+        notes.append(Note(f"{name}: its time taken as it stands for the log's, as {which} UTC"))
+    else:
+        t = t + np.int64(theirs - ours)
+        notes.append(Note(f"{name}: aligned to the log by UTC"))
+    return replace(attitude, t=t, q=q), notes

@@ -1,0 +1,149 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from attest import pipeline
+from attest.errors import ConfigError, ReadError
+from attest.geometry import quaternion
+
+GYRO = "time_s,gyro_x,gyro_y,gyro_z"
+START = 1_777_627_812
+TURN = np.array([0.1, 0.2, 0.3])
+
+
+def log(folder, start=0.0, name="log.csv", reference=False):
+    """A steady turn, its truth told if asked."""
+    path = folder / name
+    more = ",ref_qw,ref_qx,ref_qy,ref_qz" if reference else ""
+    rows = [f"{start + i / 100:.9f},{','.join(map(str, TURN))}" for i in range(200)]
+    if reference:
+        rows = [f"{row},{','.join(map(repr, q))}" for row, q in zip(rows, truth(), strict=True)]
+    path.write_text("\n".join([GYRO + more, *rows]))
+    return path
+
+
+def truth(world="ned"):
+    q = quaternion.exp(np.arange(200)[:, np.newaxis] / 100 * TURN)
+    if world == "enu":
+        s = np.sqrt(0.5)
+        q = quaternion.multiply(quaternion.multiply(np.array([0, s, s, 0]), q), [0, 1.0, 0, 0])
+    return quaternion.continuous(q).tolist()
+
+
+def tum(folder, start=0.0, world="enu"):
+    path = folder / "truth.txt"
+    rows = [
+        f"{start + i / 100:.9f} 0 0 0 {x!r} {y!r} {z!r} {w!r}"
+        for i, (w, x, y, z) in enumerate(truth(world))
+    ]
+    path.write_text("\n".join(["# timestamp tx ty tz qx qy qz qw", *rows]))
+    return path
+
+
+def read(path, reference, *sets):
+    wanted = [f"evaluation.reference={reference}", *sets]
+    return pipeline.read(path, pipeline.configure("integration", wanted))
+
+
+def texts(recording):
+    return [note.text for note in recording.notes]
+
+
+def test_a_trajectory_is_named_by_its_file_and_is_truth(tmp_path):
+    path = tum(tmp_path)
+    recording = read(log(tmp_path), path, "input.world=ned")
+    assert [*recording.references] == [str(path)]
+    ours = recording.references[str(path)]
+    assert (ours.name, ours.kind) == ("truth.txt", "truth")
+    assert_array_equal(ours.t, np.arange(200) * 10**7)
+
+
+@pytest.mark.parametrize(("world", "asked"), [("ned", "ned"), ("enu", "enu")])
+def test_a_trajectory_has_the_axes_that_are_declared(tmp_path, world, asked):
+    path = tum(tmp_path, world=world)
+    recording = read(log(tmp_path), path, f"input.world={asked}")
+    q = recording.references[str(path)].q
+    assert_allclose(np.abs(np.sum(q * truth(world), axis=1)), 1.0)
+
+
+def test_undeclared_axes_are_those_of_each_format(tmp_path):
+    path = tum(tmp_path)
+    recording = read(log(tmp_path), path)
+    q = recording.references[str(path)].q
+    assert recording.world == "ned"
+    assert_allclose(np.abs(np.sum(q * truth(), axis=1)), 1.0)
+    assert any("turned from z up" in text for text in texts(recording))
+
+
+def test_clocks_with_utc_are_aligned_and_others_said_to_be_taken_as_they_stand(tmp_path):
+    path = tum(tmp_path, start=START)
+    recording = read(log(tmp_path, start=START), path)
+    assert "truth.txt: aligned to the log by UTC" in texts(recording)
+    assert recording.references[str(path)].t[0] == START * 10**9
+    one = read(log(tmp_path), path)
+    text = "truth.txt: its time taken as it stands for the log's, as only one file tells UTC"
+    assert text in texts(one)
+    neither = read(log(tmp_path), tum(tmp_path))
+    text = "truth.txt: its time taken as it stands for the log's, as neither file tells UTC"
+    assert text in texts(neither)
+
+
+def test_a_boot_clock_is_brought_to_utc(sample_logs):
+    path = sample_logs / "quadcopter_truth.csv"
+    recording = read(sample_logs / "quadcopter.tlog", path)
+    theirs, own = recording.references[str(path)], recording.references["SIMSTATE"]
+    both = quaternion.slerp(theirs.t, theirs.q, own.t, 10**9)
+    inside = np.isfinite(both).all(axis=1)
+    off = quaternion.multiply(quaternion.conjugate(both[inside]), own.q[inside])
+    assert inside.mean() > 0.9
+    assert np.median(np.abs(quaternion.log(off))) < 0.02
+    assert next(iter(recording.references)) == str(path)
+
+
+def test_any_log_with_a_reference_will_do(sample_logs, tmp_path):
+    path = sample_logs / "quadcopter.tlog"
+    recording = read(log(tmp_path, reference=True), path)
+    assert [*recording.references] == [str(path), "ref"]
+    assert recording.references[str(path)].kind == "truth"
+
+
+def test_a_csv_of_references_alone_will_do(tmp_path):
+    path = tmp_path / "ref.csv"
+    path.write_text("time_s,ref_qw,ref_qx,ref_qy,ref_qz\n0,1,0,0,0\n1,1,0,0,0\n")
+    assert read(log(tmp_path), path).references[str(path)].q.tolist() == [[1, 0, 0, 0]] * 2
+
+
+def test_a_name_of_the_log_wins_over_a_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "ref").write_text("junk")
+    recording = read(log(tmp_path, reference=True), "ref")
+    assert [*recording.references] == ["ref"]
+
+
+def test_a_file_without_reference_is_one_line(tmp_path):
+    path = log(tmp_path, name="none.csv")
+    with pytest.raises(ReadError) as caught:
+        read(log(tmp_path), path)
+    assert (
+        str(caught.value) == f"{path}: no reference attitude in this file. Name another, or none."
+    )
+
+
+def test_no_such_file_names_the_references(tmp_path):
+    path = log(tmp_path, reference=True)
+    with pytest.raises(ConfigError, match=r"no reference 'nope\.csv'. The log has: ref\."):
+        pipeline.run(path, pipeline.configure("integration", ["evaluation.reference=nope.csv"]))
+
+
+def test_run_and_compare_score_against_a_file(tmp_path):
+    path, wanted = log(tmp_path, reference=True), ["input.world=ned"]
+    file = f"evaluation.reference={tum(tmp_path, world='ned')}"
+    by_file = pipeline.configure("integration", [*wanted, file])
+    result = pipeline.run(path, by_file)
+    assert result.summary["reference"]["name"] == "truth.txt"
+    assert result.metrics.total.max < 1e-3
+    # each with its own reference, though the log is the same
+    both = {"file": by_file, "log": pipeline.configure("integration", wanted)}
+    results, failed = pipeline.compare(path, both)
+    assert not failed
+    assert {r.reference.name for r in results} == {"truth.txt", "ref"}
