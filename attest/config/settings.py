@@ -202,11 +202,11 @@ class PointsConfiguration(Configuration):
         if points is None:
             return None
         places = list(points.values())
-        if len(set(places)) < len(places):
-            raise ValueError("two points are at one place, so that nothing lies between them")
         apart = [tuple(a - b for a, b in zip(place, places[0], strict=True)) for place in places]
         if len(points) < 3 or not any(_sine2(a, b) > 1e-6 for a in apart for b in apart):
             raise ValueError("three points are needed that are not on one line [REL, (9)-(12)]")
+        if len(set(places)) < len(places):
+            raise ValueError("two points are at one place, so that nothing lies between them")
         return points
 
 

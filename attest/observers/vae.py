@@ -69,7 +69,7 @@ class Gains(Section):
     """Diagonal of the bias's inertia; more changes the bias slower."""
     Phi: Literal["linear", "logarithmic", "quadratic"] = "linear"
     """Potential of Wahba's cost x: x, ln(1 + x) (large residuals count less), x + x²/2 (more)."""
-    tolerance: Annotated[float, Field(ge=1e-15, le=1e-3)] = 1e-12
+    tolerance: Annotated[float, Field(gt=0, le=1e-3)] = 1e-12
     """Of the Newton-Raphson iteration for omega, rad/s."""
 
 

@@ -88,7 +88,7 @@ def test_a_step_is_eqs_82_to_89(case, P, k, w, g):
         assert_allclose((block - before) / h, dot, atol=1e-3, rtol=1e-3)
 
 
-@given(case=observing.cases(n=2), k=weights, w=st.none() | per_vector, g=gains)
+@given(case=observing.cases(n=2, h=1e-5), k=weights, w=st.none() | per_vector, g=gains)
 def test_the_first_step_of_a_run_is_that_of_the_papers_start(case, k, w, g):
     """P_a(0) and P_b(0) are the variances of angle and bias, P_c(0) = 0."""
     e, u = papers.joined(case.E.T, case.U[0].T)
