@@ -68,7 +68,7 @@ def test_a_step_is_eqs_82_to_89(case, P, k, w, g):
     W = papers.W(e, np.diag(k))
     if w is not None:
         e, u, W = case.E.T, case.U[0].T, np.diag(w[: len(case.E)])
-    R, h = quaternion.to_matrix(case.q), 1e-6
+    R, h = quaternion.to_matrix(case.q), 1e-8
     P_blocks = (P[:3, :3], P[:3, 3:], P[3:, 3:])
     noise = (g.Q_Omega * np.eye(3), g.Q_b * np.eye(3))
     R_dot, beta_dot, P_dot = papers.game(
