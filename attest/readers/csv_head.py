@@ -1,5 +1,6 @@
 """The first lines of a CSV: which bytes are the header, and how the cells stand."""
 
+import re
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +13,7 @@ TIME = "time_s"
 BLOCK = 1 << 20
 """Longest header and row, bytes."""
 
+_LINE = re.compile(rb"[^\r\n]*(?:\r\n?|\n|\Z)")
 _UTF8, _UTF16 = b"\xef\xbb\xbf", (b"\xff\xfe", b"\xfe\xff")
 
 
@@ -45,8 +47,8 @@ def lines(head: bytes, skip: int = 0, comment: bytes = b"#") -> Lines:
     """Find the first line of a file, some lines left out before it."""
     end = len(_UTF8) if head.startswith(_UTF8) else 0
     told = b""
-    for i, line in enumerate(head[end:].splitlines(keepends=True)):
-        begin, end = end, end + len(line)
+    for i, match in enumerate(_LINE.finditer(head, end)):  # the first few: no list of all
+        line, (begin, end) = match[0], match.span()
         if i < skip or not line.strip():
             continue
         if not line.lstrip().startswith(comment):
