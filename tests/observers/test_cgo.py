@@ -4,12 +4,14 @@ import numpy as np
 import observing
 import papers
 import pytest
+import weighted
 from flights import angle_deg
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from observing import HALF_TURNS, IDENTITY, H
+from observing import HALF_TURNS, H
 from strategies import rotations, weights
+from weighted import per_vector, with_gains, with_w
 
 from attest import config
 from attest.geometry import quaternion
@@ -22,12 +24,6 @@ BRISK = cgo.Config(
 BETA = np.array([0.05, -0.1, 0.02])
 
 gains = st.builds(cgo.Gains, k_p=st.floats(0.05, 5.0), k_i=st.floats(0.0, 2.0))
-per_vector = st.lists(st.floats(0.1, 5.0), min_size=5, max_size=5)
-
-
-def with_w(settings, w):
-    named = {f"v{i + 1}": w_i for i, w_i in enumerate(w)}
-    return settings.model_copy(update={"weights": config.VectorWeights(w=named)})
 
 
 def assert_first_step(case, settings, R_dot, beta_dot):
@@ -79,54 +75,22 @@ def test_a_noisy_run_is_mahonys_filter():
 
 @given(case=observing.cases(), w=per_vector)
 def test_diagnostics_are_the_residual_and_wahbas_cost(case, w):
-    three, U3 = papers.joined(case.E.T, case.U[0].T)
-    of_vectors = np.diag(w[: len(case.E)])
-    for chosen, e, u, W in (
-        (BRISK, three, U3, papers.W(three, np.diag(BRISK.weights.k))),
-        (with_w(BRISK, w), case.E.T, case.U[0].T, of_vectors),
-    ):
-        found = cgo.estimate(case.samples(), case.start(chosen))
-        R = quaternion.to_matrix(case.q)
-        left = e - R @ u
-        s = papers.s_L(R, e @ W @ u.T)
-        assert_allclose(found.s_norm[0], np.linalg.norm(s), atol=1e-8)
-        assert_allclose(found.cost[0], 0.5 * np.trace(left.T @ left @ W), atol=1e-8)
+    weighted.assert_diagnostics(cgo, case, BRISK, w)
 
 
 @given(case=observing.cases(), Q=observing.axis_turns, g=gains)
 def test_a_run_does_not_care_how_the_world_is_turned_if_its_weights_turn_along(case, Q, g):
-    chosen = BRISK.model_copy(update={"gains": g})
-    k = observing.turned_weights(chosen.weights.k, Q)
-    along = chosen.model_copy(update={"weights": config.VectorWeights(k=k)})
-    there = case.in_a_turned_world(Q)
-    observing.assert_turned_world(
-        cgo.estimate(case.samples(), case.start(chosen)),
-        cgo.estimate(there.samples(), there.start(along)),
-        Q,
-    )
+    weighted.assert_weights_turn_along(cgo, case, with_gains(BRISK, g), Q)
 
 
 @given(case=observing.cases(), Q=rotations, g=gains, w=per_vector)
 def test_a_run_does_not_care_how_the_world_is_turned_with_weights_of_the_vectors(case, Q, g, w):
-    chosen = with_w(BRISK.model_copy(update={"gains": g}), w)
-    there = case.in_a_turned_world(Q)
-    observing.assert_turned_world(
-        cgo.estimate(case.samples(), case.start(chosen)),
-        cgo.estimate(there.samples(), there.start(chosen)),
-        Q,
-    )
+    weighted.assert_world_may_turn(cgo, case, with_w(with_gains(BRISK, g), w), Q)
 
 
 @given(case=observing.cases(), Q=rotations, g=gains, w=st.none() | per_vector)
 def test_a_run_does_not_care_how_the_sensors_sit_in_the_body(case, Q, g, w):
-    chosen = BRISK.model_copy(update={"gains": g})
-    chosen = chosen if w is None else with_w(chosen, w)
-    there = case.in_a_turned_body(Q)
-    observing.assert_turned_body(
-        cgo.estimate(case.samples(), case.start(chosen)),
-        cgo.estimate(there.samples(), there.start(chosen)),
-        Q,
-    )
+    weighted.assert_body_may_turn(cgo, case, with_w(with_gains(BRISK, g), w), Q)
 
 
 @pytest.mark.slow
@@ -144,21 +108,11 @@ def test_every_start_but_the_unstable_ones_converges_and_finds_the_bias():
 
 @pytest.mark.parametrize("half_turn", HALF_TURNS)
 def test_a_half_turn_off_is_an_equilibrium_that_any_push_leaves(half_turn):
-    made, q = observing.at_rest(4000), quaternion.exp(half_turn)
-    stuck = cgo.estimate(made, observing.starting(BRISK, q))
-    observing.assert_sound(stuck)
-    assert stuck.s_norm[0] < 1e-14
-    pushed = quaternion.multiply(quaternion.exp(np.full(3, 1e-6)), q)
-    left = cgo.estimate(made, observing.starting(BRISK, pushed))
-    assert angle_deg(left.q[-1], IDENTITY) < 1e-2
+    weighted.assert_leaves_a_half_turn(cgo, BRISK, half_turn, 4000, 1e-2)
 
 
 def test_a_perfect_estimate_at_rest_stays_where_it_is():
-    found = cgo.estimate(observing.at_rest(50), observing.starting(BRISK))
-    assert_allclose(found.q, np.broadcast_to(IDENTITY, (50, 4)))
-    assert not found.s_norm.any()
-    assert not found.gyro_bias.any()
-    assert not found.angular_velocity.any()
+    weighted.assert_stays_at_rest(cgo, BRISK)
 
 
 @given(case=observing.cases())
@@ -175,27 +129,22 @@ def test_a_step_without_length_changes_nothing(case):
 @given(made=observing.any_samples(), shipped=st.booleans(), w=st.none() | per_vector)
 def test_no_measurement_makes_a_nan(made, shipped, w):
     chosen = cgo.Config() if shipped else BRISK
-    observing.assert_sound_run(cgo, made, chosen if w is None else with_w(chosen, w))
+    observing.assert_sound_run(cgo, made, with_w(chosen, w))
 
 
 def test_without_vectors_the_estimate_is_the_integrated_gyroscope():
-    Omega = observing.motion(500)
-    found = cgo.estimate(observing.sampled(Omega, np.empty((500, 0, 3)), []), cgo.Config())
-    assert angle_deg(found.q, observing.truth(IDENTITY, Omega)).max() < 1e-6
-    assert not found.gyro_bias.any()
+    weighted.assert_integrates(cgo)
 
 
 def test_with_one_vector_it_is_followed_and_the_turn_about_it_is_the_gyroscopes():
-    down, rate = np.array([[0.0, 0.0, -1.0]]), np.array([0.0, 0.0, 0.02])
-    q = observing.truth(quaternion.exp(np.array([0.4, -0.3, 0.0])), np.tile(rate, (3001, 1)))
-    made = observing.sampled(np.tile(rate, (3001, 1)), observing.seen(q, down), down)
+    made, q = weighted.one_vector(3001)
     for chosen in (BRISK, with_w(BRISK, [2.0])):
         frozen = chosen.model_copy(update={"gains": cgo.Gains(k_p=1.0, k_i=0.0)})
         found = cgo.estimate(made, observing.starting(frozen))
         seen = quaternion.rotate(found.q[-1], made.body[-1, 0])
-        assert_allclose(seen, down[0], atol=1e-6)
-        about = quaternion.rotate(quaternion.conjugate(q), down[0])
-        turned = np.sum(about * (found.angular_velocity - rate), axis=1)
+        assert_allclose(seen, weighted.DOWN[0], atol=1e-6)
+        about = quaternion.rotate(quaternion.conjugate(q), weighted.DOWN[0])
+        turned = np.sum(about * (found.angular_velocity - made.gyro), axis=1)
         assert_allclose(turned, 0.0, atol=1e-12)
 
 
@@ -219,7 +168,7 @@ def test_lyapunov_function_never_grows_without_noise(w):
     Omega = observing.motion(3001)
     q = observing.truth(quaternion.exp(np.array([2.0, -1.0, 1.5])), Omega)
     made = observing.sampled(Omega + BETA, observing.seen(q, np.eye(3)), np.eye(3))
-    chosen = BRISK if w is None else with_w(BRISK, w)
+    chosen = with_w(BRISK, w)
     found = cgo.estimate(made, observing.starting(chosen))
     V = cgo.lyapunov(found, chosen, found.gyro_bias - BETA)
     assert np.diff(V).max() < 1e-6 * V[0]

@@ -1,15 +1,17 @@
-from dataclasses import replace
-
+import kalman
 import numpy as np
 import observing
 import papers
 import pytest
+import weighted
 from flights import angle_deg
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from kalman import blocks, split, tuples, whole
 from numpy.testing import assert_allclose
 from observing import HALF_TURNS, IDENTITY, H
 from strategies import arrays, rotations, weights
+from weighted import per_vector, with_gains, with_w
 
 from attest import config
 from attest.geometry import quaternion, so3
@@ -30,38 +32,16 @@ gains = st.builds(
     attitude_deg=st.floats(1.0, 90.0),
     bias_deg_s=st.floats(0.1, 20.0),
 )
-per_vector = st.lists(st.floats(0.1, 5.0), min_size=5, max_size=5)
-
-
-def with_w(settings, w):
-    named = {f"v{i + 1}": w_i for i, w_i in enumerate(w)}
-    return settings.model_copy(update={"weights": config.VectorWeights(w=named)})
-
-
-def with_gains(settings, g):
-    return settings.model_copy(update={"gains": g})
-
-
-def tuples(blocks):
-    return tuple(tuple(block.ravel().tolist()) for block in blocks)
-
-
-def blocks(P):
-    return tuple(np.array(block).reshape(3, 3) for block in P)
-
-
-def whole(P):
-    P_a, P_c, P_b = blocks(P)
-    return np.block([[P_a, P_c], [P_c.T, P_b]])
-
-
-covariances = arrays(36, 1.0).map(
-    lambda a: 0.2 * a.reshape(6, 6) @ a.reshape(6, 6).T + 0.05 * np.eye(6)
-)
 
 
 @settings(max_examples=200)
-@given(case=observing.cases(n=1), P=covariances, k=weights, w=st.none() | per_vector, g=gains)
+@given(
+    case=observing.cases(n=1),
+    P=kalman.covariances(0.05),
+    k=weights,
+    w=st.none() | per_vector,
+    g=gains,
+)
 def test_a_step_is_eqs_82_to_89(case, P, k, w, g):
     """With the paper's Q_i = w_i I, and with any weights W in their place."""
     e, u = papers.joined(case.E.T, case.U[0].T)
@@ -69,7 +49,7 @@ def test_a_step_is_eqs_82_to_89(case, P, k, w, g):
     if w is not None:
         e, u, W = case.E.T, case.U[0].T, np.diag(w[: len(case.E)])
     R, h = quaternion.to_matrix(case.q), 1e-8
-    P_blocks = (P[:3, :3], P[:3, 3:], P[3:, 3:])
+    P_blocks = split(P)
     noise = (g.Q_Omega * np.eye(3), g.Q_b * np.eye(3))
     R_dot, beta_dot, P_dot = papers.game(
         R, case.bias, P_blocks, case.gyro[0], e, u, g.q * W, *noise
@@ -114,17 +94,7 @@ def test_the_first_step_of_a_run_is_that_of_the_papers_start(case, k, w, g):
 
 @given(case=observing.cases(n=1), w=per_vector)
 def test_diagnostics_are_the_residual_without_its_scale_and_wahbas_cost(case, w):
-    three, U3 = papers.joined(case.E.T, case.U[0].T)
-    of_vectors = np.diag(w[: len(case.E)])
-    for chosen, e, u, W in (
-        (WIDE, three, U3, papers.W(three, np.diag(WIDE.weights.k))),
-        (with_w(WIDE, w), case.E.T, case.U[0].T, of_vectors),
-    ):
-        found = game.estimate(case.samples(), case.start(chosen))
-        R = quaternion.to_matrix(case.q)
-        left, s = e - R @ u, papers.s_L(R, e @ W @ u.T)
-        assert_allclose(found.s_norm[0], np.linalg.norm(s), atol=1e-8)
-        assert_allclose(found.cost[0], 0.5 * np.trace(left.T @ left @ W), atol=1e-8)
+    weighted.assert_diagnostics(game, case, WIDE, w)
 
 
 def alignment(e, n, numbers):
@@ -186,7 +156,7 @@ def apart_from_the_mekf(error, n, w=None):
     q = observing.truth(quaternion.exp(np.array([0.3, 0.2, -0.5])), Omega, h)
     made = observing.sampled(Omega, observing.seen(q, np.eye(3)), np.eye(3), h)
     start = quaternion.multiply(q[0], quaternion.exp(error * axis))
-    ours = WIDE if w is None else with_w(WIDE, w)
+    ours = with_w(WIDE, w)
     other = as_mekf(ours.gains, ours.weights)
     a = game.estimate(made, observing.starting(ours, start))
     b = mekf.estimate(made, observing.starting(other, start))
@@ -211,38 +181,17 @@ def test_what_is_apart_from_the_mekf_is_of_second_order_in_the_error(w):
 
 @given(case=observing.cases(), Q=observing.axis_turns, g=gains)
 def test_a_run_does_not_care_how_the_world_is_turned_if_its_weights_turn_along(case, Q, g):
-    chosen = with_gains(WIDE, g)
-    k = observing.turned_weights(chosen.weights.k, Q)
-    along = chosen.model_copy(update={"weights": config.VectorWeights(k=k)})
-    there = case.in_a_turned_world(Q)
-    observing.assert_turned_world(
-        game.estimate(case.samples(), case.start(chosen)),
-        game.estimate(there.samples(), there.start(along)),
-        Q,
-    )
+    weighted.assert_weights_turn_along(game, case, with_gains(WIDE, g), Q)
 
 
 @given(case=observing.cases(), Q=rotations, g=gains, w=per_vector)
 def test_a_run_does_not_care_how_the_world_is_turned_with_weights_of_the_vectors(case, Q, g, w):
-    chosen = with_w(with_gains(WIDE, g), w)
-    there = case.in_a_turned_world(Q)
-    observing.assert_turned_world(
-        game.estimate(case.samples(), case.start(chosen)),
-        game.estimate(there.samples(), there.start(chosen)),
-        Q,
-    )
+    weighted.assert_world_may_turn(game, case, with_w(with_gains(WIDE, g), w), Q)
 
 
 @given(case=observing.cases(), Q=rotations, g=gains, w=st.none() | per_vector)
 def test_a_run_does_not_care_how_the_sensors_sit_in_the_body(case, Q, g, w):
-    chosen = with_gains(WIDE, g)
-    chosen = chosen if w is None else with_w(chosen, w)
-    there = case.in_a_turned_body(Q)
-    observing.assert_turned_body(
-        game.estimate(case.samples(), case.start(chosen)),
-        game.estimate(there.samples(), there.start(chosen)),
-        Q,
-    )
+    weighted.assert_body_may_turn(game, case, with_w(with_gains(WIDE, g), w), Q)
 
 
 @pytest.mark.slow
@@ -359,7 +308,7 @@ def test_a_covariance_that_stays_definite_is_reported():
 )
 def test_definite_tells_what_the_eigenvalues_tell(spoiled, sound):
     P = np.eye(6) + spoiled
-    assert game.definite(tuples((P[:3, :3], P[:3, 3:], P[3:, 3:]))) is sound
+    assert game.definite(tuples(split(P))) is sound
 
 
 @given(arrays(36, 1.0).map(lambda a: a.reshape(6, 6)), st.floats(-1.0, 2.0))
@@ -367,60 +316,37 @@ def test_definite_agrees_with_the_eigenvalues_of_any_covariance(a, shift):
     P = a + a.T + shift * np.eye(6)
     least = np.linalg.eigvalsh(P)[0]
     assume(abs(least) > 1e-3)
-    assert game.definite(tuples((P[:3, :3], P[:3, 3:], P[3:, 3:]))) is bool(least > 0.0)
+    assert game.definite(tuples(split(P))) is bool(least > 0.0)
 
 
 def test_a_perfect_estimate_at_rest_stays_where_it_is():
-    found = game.estimate(observing.at_rest(50), observing.starting(WIDE))
-    assert_allclose(found.q, np.broadcast_to(IDENTITY, (50, 4)))
-    for still in (found.s_norm, found.gyro_bias, found.angular_velocity):
-        assert not still.any()
+    weighted.assert_stays_at_rest(game, WIDE)
 
 
 @given(case=observing.cases())
 def test_a_step_without_length_changes_nothing(case):
-    made = replace(case.samples(), t=np.zeros(len(case.gyro), np.int64))
-    found = game.estimate(made, case.start(WIDE))
-    assert angle_deg(found.q, case.q).max() < 1e-9
-    assert_allclose(found.gyro_bias, np.broadcast_to(case.bias, (len(case.gyro), 3)))
-    assert_allclose(found.states["attitude_std"], np.deg2rad(60.0))
+    found = kalman.assert_steps_need_length(game, case, WIDE)
     assert not found.states["definiteness_lost"].any()
-    short = game.estimate(replace(case, h=1e-9).samples(), case.start(WIDE))
-    assert angle_deg(short.q, case.q).max() < 1e-4
-    assert_allclose(short.states["attitude_std"], found.states["attitude_std"], atol=1e-6)
 
 
 @given(made=observing.any_samples(), shipped=st.booleans(), w=st.none() | per_vector)
 def test_no_measurement_makes_a_nan(made, shipped, w):
     chosen = game.Config() if shipped else WIDE
-    observing.assert_sound_run(game, made, chosen if w is None else with_w(chosen, w))
+    observing.assert_sound_run(game, made, with_w(chosen, w))
 
 
 def test_without_vectors_the_estimate_is_the_integrated_gyroscope():
-    Omega = observing.motion(500)
-    found = game.estimate(observing.sampled(Omega, np.empty((500, 0, 3)), []), game.Config())
-    assert angle_deg(found.q, observing.truth(IDENTITY, Omega)).max() < 1e-6
-    assert not found.gyro_bias.any()
+    found = weighted.assert_integrates(game)
     assert (np.diff(found.states["attitude_std"], axis=0) > 0.0).all()  # and knows less and less
 
 
 @pytest.mark.parametrize("w", [None, [2.0]])
 def test_with_one_vector_it_is_followed(w):
-    down, rate = np.array([[0.0, 0.0, -1.0]]), np.array([0.0, 0.0, 0.02])
-    q = observing.truth(quaternion.exp(np.array([0.4, -0.3, 0.0])), np.tile(rate, (3001, 1)))
-    made = observing.sampled(np.tile(rate, (3001, 1)), observing.seen(q, down), down)
-    found = game.estimate(made, observing.starting(WIDE if w is None else with_w(WIDE, w)))
-    assert_allclose(quaternion.rotate(found.q[-1], made.body[-1, 0]), down[0], atol=1e-3)
+    weighted.assert_follows_one_vector(game, with_w(WIDE, w), 3001)
 
 
 def test_a_restart_starts_attitude_and_covariance_anew_and_keeps_the_bias():
-    made, q = observing.restarted(BETA)
-    found = game.estimate(made, WIDE)
-    assert angle_deg(found.q[2000], q[2000]) < 1e-5
-    assert_allclose(found.states["attitude_std"][2000], np.deg2rad(60.0))
-    assert_allclose(found.gyro_bias[2000], found.gyro_bias[1999], atol=1e-4)
-    assert_allclose(found.gyro_bias[1999], BETA, atol=0.01)
-    assert angle_deg(found.q[2000:], q[2000:]).max() < 0.5
+    kalman.assert_starts_anew(game, WIDE, BETA)
 
 
 def test_sub_steps_are_the_run_of_a_log_sampled_that_much_finer():

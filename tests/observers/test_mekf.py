@@ -1,15 +1,17 @@
-from dataclasses import replace
-
+import kalman
 import numpy as np
 import observing
 import papers
 import pytest
+import weighted
 from flights import angle_deg
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from kalman import split, tuples, whole
 from numpy.testing import assert_allclose
-from observing import HALF_TURNS, IDENTITY, H
-from strategies import arrays, rotations, vectors, weights
+from observing import HALF_TURNS, H
+from strategies import rotations, vectors, weights
+from weighted import per_vector, with_gains, with_w
 
 from attest import config
 from attest.geometry import quaternion, so3
@@ -32,34 +34,12 @@ gains = st.builds(
     attitude_deg=st.floats(1.0, 180.0),
     bias_deg_s=st.floats(0.1, 20.0),
 )
-per_vector = st.lists(st.floats(0.1, 5.0), min_size=5, max_size=5)
-
-
-def with_w(settings, w):
-    named = {f"v{i + 1}": w_i for i, w_i in enumerate(w)}
-    return settings.model_copy(update={"weights": config.VectorWeights(w=named)})
-
-
-def with_gains(settings, g):
-    return settings.model_copy(update={"gains": g})
-
-
-def tuples(P):
-    return tuple(tuple(b.ravel().tolist()) for b in (P[:3, :3], P[:3, 3:], P[3:, 3:]))
-
-
-def whole(P):
-    P_a, P_c, P_b = (np.array(block).reshape(3, 3) for block in P)
-    return np.block([[P_a, P_c], [P_c.T, P_b]])
-
-
-covariances = arrays(36, 1.0).map(
-    lambda a: 0.2 * a.reshape(6, 6) @ a.reshape(6, 6).T + 0.01 * np.eye(6)
-)
 
 
 @settings(max_examples=200)
-@given(case=observing.cases(n=1), P=covariances, w=per_vector, told=st.floats(1e-3, 10.0))
+@given(
+    case=observing.cases(n=1), P=kalman.covariances(0.01), w=per_vector, told=st.floats(1e-3, 10.0)
+)
 def test_an_update_is_kalmans_of_all_vectors_at_once(case, P, w, told):
     R, E, U, k = quaternion.to_matrix(case.q), case.E.T, case.U[0].T, w[: len(case.E)]
     variances = 1.0 / (told * np.array(k))
@@ -70,7 +50,7 @@ def test_an_update_is_kalmans_of_all_vectors_at_once(case, P, w, told):
     q = so3.as_quaternion(case.q)
     N = mekf.information(q, row, 0, told)
     y = -told * papers.s_L(R, E @ np.diag(k) @ U.T)
-    found = mekf.update(q, so3.as_vector(case.bias), tuples(P), N, so3.as_vector(y))
+    found = mekf.update(q, so3.as_vector(case.bias), tuples(split(P)), N, so3.as_vector(y))
     assert_allclose(quaternion.to_matrix(np.array(found[0])), after_R, atol=1e-9)
     assert_allclose(found[1], after_beta, atol=1e-9)
     assert_allclose(whole(found[2]), after_P, atol=1e-9)
@@ -90,7 +70,7 @@ def test_the_information_of_any_weights_is_that_of_the_gradient(case, k):
 
 @given(
     q=rotations,
-    P=covariances,
+    P=kalman.covariances(0.01),
     Omega=vectors(5.0),
     noise=st.tuples(st.floats(0.0, 1.0), st.floats(0.0, 1.0)),
 )
@@ -102,7 +82,7 @@ def test_a_prediction_carries_the_errors_as_they_move(q, P, Omega, noise):
         after_R, after_P = papers.mekf_predict(
             R, P, Omega, h, papers.mekf_transition(Omega, h), intensity
         )
-        found = mekf.predict(so3.as_quaternion(q), tuples(P), so3.as_vector(Omega), h, noise)
+        found = mekf.predict(so3.as_quaternion(q), tuples(split(P)), so3.as_vector(Omega), h, noise)
         assert_allclose(quaternion.to_matrix(np.array(found[0])), after_R, atol=1e-12)
         apart.append(np.abs(whole(found[1]) - after_P).max())
     assert apart[0] <= 100.0 * 4e-3**2
@@ -150,17 +130,7 @@ def test_a_noisy_run_is_kalmans_6x6_filter(transition, attitude, bias):
 
 @given(case=observing.cases(n=1), w=per_vector)
 def test_diagnostics_are_the_residual_and_wahbas_cost(case, w):
-    three, U3 = papers.joined(case.E.T, case.U[0].T)
-    of_vectors = np.diag(w[: len(case.E)])
-    for chosen, e, u, W in (
-        (WIDE, three, U3, papers.W(three, np.diag(WIDE.weights.k))),
-        (with_w(WIDE, w), case.E.T, case.U[0].T, of_vectors),
-    ):
-        found = mekf.estimate(case.samples(), case.start(chosen))
-        R = quaternion.to_matrix(case.q)
-        left, s = e - R @ u, papers.s_L(R, e @ W @ u.T)
-        assert_allclose(found.s_norm[0], np.linalg.norm(s), atol=1e-8)
-        assert_allclose(found.cost[0], 0.5 * np.trace(left.T @ left @ W), atol=1e-8)
+    weighted.assert_diagnostics(mekf, case, WIDE, w)
 
 
 def test_its_standard_deviation_is_that_of_its_errors():
@@ -186,38 +156,17 @@ def test_its_standard_deviation_is_that_of_its_errors():
 
 @given(case=observing.cases(), Q=observing.axis_turns, g=gains)
 def test_a_run_does_not_care_how_the_world_is_turned_if_its_weights_turn_along(case, Q, g):
-    chosen = with_gains(WIDE, g)
-    k = observing.turned_weights(chosen.weights.k, Q)
-    along = chosen.model_copy(update={"weights": config.VectorWeights(k=k)})
-    there = case.in_a_turned_world(Q)
-    observing.assert_turned_world(
-        mekf.estimate(case.samples(), case.start(chosen)),
-        mekf.estimate(there.samples(), there.start(along)),
-        Q,
-    )
+    weighted.assert_weights_turn_along(mekf, case, with_gains(WIDE, g), Q)
 
 
 @given(case=observing.cases(), Q=rotations, g=gains, w=per_vector)
 def test_a_run_does_not_care_how_the_world_is_turned_with_weights_of_the_vectors(case, Q, g, w):
-    chosen = with_w(with_gains(WIDE, g), w)
-    there = case.in_a_turned_world(Q)
-    observing.assert_turned_world(
-        mekf.estimate(case.samples(), case.start(chosen)),
-        mekf.estimate(there.samples(), there.start(chosen)),
-        Q,
-    )
+    weighted.assert_world_may_turn(mekf, case, with_w(with_gains(WIDE, g), w), Q)
 
 
 @given(case=observing.cases(), Q=rotations, g=gains, w=st.none() | per_vector)
 def test_a_run_does_not_care_how_the_sensors_sit_in_the_body(case, Q, g, w):
-    chosen = with_gains(WIDE, g)
-    chosen = chosen if w is None else with_w(chosen, w)
-    there = case.in_a_turned_body(Q)
-    observing.assert_turned_body(
-        mekf.estimate(case.samples(), case.start(chosen)),
-        mekf.estimate(there.samples(), there.start(chosen)),
-        Q,
-    )
+    weighted.assert_body_may_turn(mekf, case, with_w(with_gains(WIDE, g), w), Q)
 
 
 @pytest.mark.slow
@@ -237,38 +186,22 @@ def test_every_start_but_the_unstable_ones_converges_and_finds_the_bias():
 
 @pytest.mark.parametrize("half_turn", HALF_TURNS)
 def test_a_half_turn_off_is_an_equilibrium_that_any_push_leaves(half_turn):
-    made, q = observing.at_rest(5000), quaternion.exp(half_turn)
-    stuck = mekf.estimate(made, observing.starting(WIDE, q))
-    observing.assert_sound(stuck)
-    assert stuck.s_norm[0] < 1e-14
-    pushed = quaternion.multiply(quaternion.exp(np.full(3, 1e-6)), q)
-    left = mekf.estimate(made, observing.starting(WIDE, pushed))
-    assert angle_deg(left.q[-1], IDENTITY) < 1.0
+    weighted.assert_leaves_a_half_turn(mekf, WIDE, half_turn, 5000, 1.0)
 
 
 def test_a_perfect_estimate_at_rest_stays_where_it_is():
-    found = mekf.estimate(observing.at_rest(50), observing.starting(WIDE))
-    assert_allclose(found.q, np.broadcast_to(IDENTITY, (50, 4)))
-    for still in (found.s_norm, found.gyro_bias, found.angular_velocity):
-        assert not still.any()
+    weighted.assert_stays_at_rest(mekf, WIDE)
 
 
 @given(case=observing.cases())
 def test_a_step_without_length_changes_nothing(case):
-    made = replace(case.samples(), t=np.zeros(len(case.gyro), np.int64))
-    found = mekf.estimate(made, case.start(WIDE))
-    assert angle_deg(found.q, case.q).max() < 1e-9
-    assert_allclose(found.gyro_bias, np.broadcast_to(case.bias, (len(case.gyro), 3)))
-    assert_allclose(found.states["attitude_std"], np.deg2rad(60.0))
-    short = mekf.estimate(replace(case, h=1e-9).samples(), case.start(WIDE))
-    assert angle_deg(short.q, case.q).max() < 1e-4
-    assert_allclose(short.states["attitude_std"], found.states["attitude_std"], atol=1e-6)
+    kalman.assert_steps_need_length(mekf, case, WIDE)
 
 
 @given(made=observing.any_samples(), shipped=st.booleans(), w=st.none() | per_vector)
 def test_no_measurement_makes_a_nan(made, shipped, w):
     chosen = mekf.Config() if shipped else WIDE
-    observing.assert_sound_run(mekf, made, chosen if w is None else with_w(chosen, w))
+    observing.assert_sound_run(mekf, made, with_w(chosen, w))
 
 
 @pytest.mark.parametrize("noise", [1e-6, 1e6])
@@ -282,32 +215,19 @@ def test_vectors_that_are_exact_or_worthless_make_no_nan(noise):
 
 
 def test_without_vectors_the_estimate_is_the_integrated_gyroscope():
-    Omega = observing.motion(500)
-    found = mekf.estimate(observing.sampled(Omega, np.empty((500, 0, 3)), []), mekf.Config())
-    assert angle_deg(found.q, observing.truth(IDENTITY, Omega)).max() < 1e-6
-    assert not found.gyro_bias.any()
+    found = weighted.assert_integrates(mekf)
     assert (np.diff(found.states["attitude_std"], axis=0) > 0.0).all()  # and knows less and less
 
 
 @pytest.mark.parametrize("w", [None, [2.0]])
 def test_with_one_vector_it_is_followed_and_the_turn_about_it_is_known_less_and_less(w):
-    down, rate = np.array([[0.0, 0.0, -1.0]]), np.array([0.0, 0.0, 0.02])
-    q = observing.truth(quaternion.exp(np.array([0.4, -0.3, 0.0])), np.tile(rate, (3001, 1)))
-    made = observing.sampled(np.tile(rate, (3001, 1)), observing.seen(q, down), down)
-    found = mekf.estimate(made, observing.starting(WIDE if w is None else with_w(WIDE, w)))
-    assert_allclose(quaternion.rotate(found.q[-1], made.body[-1, 0]), down[0], atol=1e-3)
+    found = weighted.assert_follows_one_vector(mekf, with_w(WIDE, w), 3001)
     assert found.states["attitude_std"][-1].max() > np.deg2rad(60.0)
     assert found.states["attitude_std"][-1].min() < np.deg2rad(60.0)
 
 
 def test_a_restart_starts_attitude_and_covariance_anew_and_keeps_the_bias():
-    made, q = observing.restarted(BETA)
-    found = mekf.estimate(made, WIDE)
-    assert angle_deg(found.q[2000], q[2000]) < 1e-5
-    assert_allclose(found.states["attitude_std"][2000], np.deg2rad(60.0))
-    assert_allclose(found.gyro_bias[2000], found.gyro_bias[1999], atol=1e-4)
-    assert_allclose(found.gyro_bias[1999], BETA, atol=0.01)
-    assert angle_deg(found.q[2000:], q[2000:]).max() < 0.5
+    kalman.assert_starts_anew(mekf, WIDE, BETA)
 
 
 def test_sub_steps_are_the_run_of_a_log_sampled_that_much_finer():

@@ -1,5 +1,6 @@
 from dataclasses import replace
 
+import memoryless
 import numpy as np
 import observing
 import papers
@@ -8,10 +9,10 @@ import pytest
 from flights import angle_deg, samples
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from memoryless import HIDDEN, carried, noisy
 from numpy.testing import assert_allclose
-from observing import IDENTITY
 from papers_rigid import biased
-from strategies import frames, rotations
+from strategies import rotations
 
 from attest import config
 from attest.errors import ConfigError
@@ -21,18 +22,7 @@ from attest.observers import triad, wahba
 CONFIG = triad.Config()
 
 
-@st.composite
-def noisy(draw, k=2, n=3):
-    """Draw n steps of k vectors, each of another attitude and with noise of some degrees."""
-    E = draw(frames(k))
-    rng = np.random.default_rng(draw(st.integers(0, 999)))
-    U = observing.seen(np.array([draw(rotations) for _ in range(n)]), E)
-    U += 0.05 * rng.normal(size=U.shape)
-    U /= np.linalg.norm(U, axis=2, keepdims=True)
-    return observing.sampled(rng.normal(size=(n, 3)), U, E), E
-
-
-@given(drawn=noisy())
+@given(drawn=noisy(most=2))
 @settings(max_examples=200)
 def test_each_step_is_the_textbooks_formula(drawn):
     made, E = drawn
@@ -42,7 +32,7 @@ def test_each_step_is_the_textbooks_formula(drawn):
     assert_allclose(quaternion.rotate(found.q, made.body[:, 0]), np.tile(E[0], (3, 1)), atol=1e-9)
 
 
-@given(drawn=noisy(), heavy=st.sampled_from([1e5, 1e6]))
+@given(drawn=noisy(most=2), heavy=st.sampled_from([1e5, 1e6]))
 def test_it_is_wahbas_solution_where_the_first_vector_outweighs_the_second(drawn, heavy):
     made, _ = drawn
     chosen = wahba.Config(weights=config.VectorWeights(w={"v1": heavy, "v2": 1.0}))
@@ -50,7 +40,7 @@ def test_it_is_wahbas_solution_where_the_first_vector_outweighs_the_second(drawn
     assert np.deg2rad(apart).max() < 2.0 / heavy
 
 
-@given(drawn=noisy(k=4))
+@given(drawn=noisy(4, 4))
 def test_of_more_vectors_the_first_goes_with_the_one_most_at_a_right_angle_to_it(drawn):
     made, E = drawn
     second = 1 + int(np.argmax(np.linalg.norm(np.cross(E[0], E[1:]), axis=1)))
@@ -83,7 +73,7 @@ def test_known_vectors_may_move():
         assert_allclose(quaternion.to_matrix(q), papers_rigid.triad(e.T, u.T), atol=1e-9)
 
 
-@given(drawn=noisy())
+@given(drawn=noisy(most=2))
 def test_diagnostics_are_the_residual_and_wahbas_cost_by_the_weights(drawn):
     made, E = drawn
     k = np.diag(CONFIG.weights.k)
@@ -98,7 +88,7 @@ def test_diagnostics_are_the_residual_and_wahbas_cost_by_the_weights(drawn):
     assert found.gyro_bias is None
 
 
-@given(drawn=noisy(k=3), Q=rotations)
+@given(drawn=noisy(3, 3), Q=rotations)
 def test_a_run_does_not_care_how_the_world_is_turned(drawn, Q):
     made, _ = drawn
     there = replace(made, inertial=quaternion.rotate(Q, made.inertial))
@@ -113,37 +103,12 @@ def test_a_run_does_not_care_how_the_sensors_sit_in_the_body(case, Q):
     observing.assert_turned_body(*found, Q, atol=1e-7)
 
 
-def carried(n, hidden):
-    """Return samples of a constant turn, some vectors hidden between two steps, and the truth."""
-    gyro = np.tile([0.3, -0.2, 0.5], (n, 1))
-    q = observing.truth(quaternion.exp(np.array([0.5, -0.2, 0.8])), gyro)
-    valid = np.ones((n, 3), np.bool_)
-    for vector, first, last in hidden:
-        valid[first:last, vector] = False
-    return observing.sampled(gyro, observing.seen(q, np.eye(3)), np.eye(3), valid=valid), q
-
-
 def test_where_no_vector_is_valid_the_gyroscope_carries_the_attitude():
-    made, q = carried(300, [(i, 100, 200) for i in range(3)])
-    assert angle_deg(triad.estimate(made, CONFIG).q, q).max() < 1e-6
-    bent = made.gyro.copy()
-    bent[100:200] = [0.0, 1.0, 0.0]
-    found = triad.estimate(replace(made, gyro=bent), CONFIG)
-    expected = quaternion.multiply(found.q[101], quaternion.exp(np.array([0.0, 0.98, 0.0])))
-    assert angle_deg(found.q[199], expected) < 1e-6
-    assert angle_deg(found.q[200:], q[200:]).max() < 1e-6
+    memoryless.assert_carried_by_the_gyroscope(triad, CONFIG)
 
 
 def test_where_one_vector_is_valid_it_is_fitted_and_the_gyroscope_carries_the_turn_about_it():
-    made, q = carried(300, [(0, 100, 200), (1, 100, 200)])
-    assert angle_deg(triad.estimate(made, CONFIG).q, q).max() < 1e-6
-    off = made.gyro.copy()
-    off[100:200] += [0.0, 0.0, 0.4]
-    off[100:200] += 0.3 * made.body[100:200, 2]
-    found = triad.estimate(replace(made, gyro=off), CONFIG)
-    third = quaternion.rotate(found.q, made.body[:, 2])
-    assert_allclose(third, np.broadcast_to([0.0, 0.0, 1.0], (300, 3)), atol=1e-9)
-    assert angle_deg(found.q[199], q[199]) > 5.0
+    memoryless.assert_one_vector_is_fitted(triad, CONFIG)
 
 
 @pytest.mark.parametrize("alike_in", ["world", "body"])
@@ -162,16 +127,11 @@ def test_two_vectors_on_one_line_in_world_or_body_count_as_one(alike_in):
 
 
 def test_a_known_bias_is_taken_off_the_gyroscope():
-    made, q = carried(300, [(i, 100, 200) for i in range(3)])
-    beta = (0.1, -0.2, 0.05)
-    chosen = CONFIG.model_copy(update={"initial": config.Initial(bias=beta)})
-    found = triad.estimate(replace(made, gyro=made.gyro + beta), chosen)
-    assert angle_deg(found.q, q).max() < 1e-6
-    assert_allclose(found.angular_velocity, made.gyro, atol=1e-12)
+    memoryless.assert_takes_off_a_known_bias(triad, CONFIG)
 
 
 def test_a_restart_forgets_what_was_before():
-    made, q = carried(300, [(i, 100, 200) for i in range(3)])
+    made, q = carried(300, HIDDEN)
     made = replace(made, restart=np.isin(np.arange(300), [0, 150]))
     found = triad.estimate(made, CONFIG)
     assert angle_deg(found.q, q).max() < 1e-6  # led back from the first vectors
@@ -185,23 +145,15 @@ def test_no_measurement_makes_a_nan(made):
 
 @pytest.mark.parametrize("axis", range(3))
 def test_a_half_turn_is_found_at_once(axis):
-    q = quaternion.exp(np.pi * np.eye(3)[axis])
-    U = observing.seen(np.tile(q, (3, 1)), np.eye(3))
-    made = observing.sampled(np.zeros((3, 3)), U, np.eye(3))
-    found = triad.estimate(made, observing.starting(CONFIG, IDENTITY))
-    assert angle_deg(found.q, q).max() < 1e-9
+    memoryless.assert_finds_a_half_turn(triad, CONFIG, axis)
 
 
 def test_steps_of_a_nanosecond_change_nothing():
-    made, q = carried(3, [(i, 1, 3) for i in range(3)])
-    found = triad.estimate(replace(made, t=np.arange(3)), CONFIG)
-    assert angle_deg(found.q, q[0]).max() < 1e-6
+    memoryless.assert_steps_need_length(triad, CONFIG)
 
 
 def test_without_any_vector_in_the_log_it_is_the_gyroscope():
-    made, q = carried(100, [])
-    empty = samples(made.t, made.gyro, np.empty((100, 0, 3)), np.empty((1, 0, 3)))
-    assert angle_deg(triad.estimate(empty, observing.starting(CONFIG, q[0])).q, q).max() < 1e-6
+    memoryless.assert_integrates(triad, CONFIG)
 
 
 def test_weights_of_vectors_and_gains_are_refused_for_there_are_none():

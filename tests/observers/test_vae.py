@@ -4,6 +4,7 @@ import numpy as np
 import observing
 import papers
 import pytest
+import weighted
 from flights import angle_deg
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
@@ -12,6 +13,7 @@ from observing import HALF_TURNS, IDENTITY, H
 from scipy.linalg import expm
 from scipy.optimize import fsolve
 from strategies import rotations, vectors, weights
+from weighted import per_vector, with_gains, with_w
 
 from attest import config
 from attest.geometry import quaternion, so3
@@ -50,16 +52,6 @@ isotropic = st.builds(
     P=positive.map(lambda p: (p, p, p)),
     Phi=st.sampled_from(vae.POTENTIALS),
 )
-per_vector = st.lists(st.floats(0.1, 5.0), min_size=5, max_size=5)
-
-
-def with_gains(settings, g):
-    return settings.model_copy(update={"gains": g})
-
-
-def with_w(settings, w):
-    named = {f"v{i + 1}": w_i for i, w_i in enumerate(w)}
-    return settings.model_copy(update={"weights": config.VectorWeights(w=named)})
 
 
 def omega_of(made, found):
@@ -252,38 +244,17 @@ def test_diagnostics_are_the_residual_wahbas_cost_and_omega(case, omega, k, w, g
 
 @given(case=observing.cases(), Q=observing.axis_turns, g=gains)
 def test_a_run_does_not_care_how_the_world_is_turned_if_its_weights_turn_along(case, Q, g):
-    chosen = with_gains(PAPER, g)
-    k = observing.turned_weights(chosen.weights.k, Q)
-    along = chosen.model_copy(update={"weights": config.VectorWeights(k=k)})
-    there = case.in_a_turned_world(Q)
-    observing.assert_turned_world(
-        vae.estimate(case.samples(), case.start(chosen)),
-        vae.estimate(there.samples(), there.start(along)),
-        Q,
-    )
+    weighted.assert_weights_turn_along(vae, case, with_gains(PAPER, g), Q)
 
 
 @given(case=observing.cases(), Q=rotations, g=gains, w=per_vector)
 def test_a_run_does_not_care_how_the_world_is_turned_with_weights_of_the_vectors(case, Q, g, w):
-    chosen = with_w(with_gains(PAPER, g), w)
-    there = case.in_a_turned_world(Q)
-    observing.assert_turned_world(
-        vae.estimate(case.samples(), case.start(chosen)),
-        vae.estimate(there.samples(), there.start(chosen)),
-        Q,
-    )
+    weighted.assert_world_may_turn(vae, case, with_w(with_gains(PAPER, g), w), Q)
 
 
 @given(case=observing.cases(), Q=rotations, g=isotropic, w=st.none() | per_vector)
 def test_a_run_does_not_care_how_the_sensors_sit_in_the_body(case, Q, g, w):
-    chosen = with_gains(PAPER, g)
-    chosen = chosen if w is None else with_w(chosen, w)
-    there = case.in_a_turned_body(Q)
-    observing.assert_turned_body(
-        vae.estimate(case.samples(), case.start(chosen)),
-        vae.estimate(there.samples(), there.start(chosen)),
-        Q,
-    )
+    weighted.assert_body_may_turn(vae, case, with_w(with_gains(PAPER, g), w), Q)
 
 
 @pytest.mark.slow
@@ -320,11 +291,7 @@ def test_a_half_turn_off_is_an_equilibrium_that_any_push_leaves(half_turn):
 
 def test_a_perfect_estimate_at_rest_stays_where_it_is():
     for Phi in vae.POTENTIALS:
-        chosen = with_gains(PAPER, vae.Gains(Phi=Phi))
-        found = vae.estimate(observing.at_rest(50), observing.starting(chosen))
-        assert_allclose(found.q, np.broadcast_to(IDENTITY, (50, 4)))
-        for still in (found.s_norm, found.gyro_bias, found.angular_velocity):
-            assert not still.any()
+        weighted.assert_stays_at_rest(vae, with_gains(PAPER, vae.Gains(Phi=Phi)))
 
 
 @given(case=observing.cases(), omega=vectors(2.0))
@@ -349,23 +316,16 @@ def test_a_step_without_length_changes_nothing(case, omega):
 def test_no_measurement_makes_a_nan(made, shipped, w, Phi):
     chosen = vae.Config() if shipped else BRISK
     chosen = with_gains(chosen, chosen.gains.model_copy(update={"Phi": Phi}))
-    observing.assert_sound_run(vae, made, chosen if w is None else with_w(chosen, w))
+    observing.assert_sound_run(vae, made, with_w(chosen, w))
 
 
 def test_without_vectors_the_estimate_is_the_integrated_gyroscope():
-    Omega = observing.motion(500)
-    found = vae.estimate(observing.sampled(Omega, np.empty((500, 0, 3)), []), vae.Config())
-    assert angle_deg(found.q, observing.truth(IDENTITY, Omega)).max() < 1e-6
-    assert not found.gyro_bias.any()
+    weighted.assert_integrates(vae)
 
 
 @pytest.mark.parametrize("w", [None, [2.0]])
 def test_with_one_vector_it_is_followed(w):
-    down, rate = np.array([[0.0, 0.0, -1.0]]), np.array([0.0, 0.0, 0.02])
-    q = observing.truth(quaternion.exp(np.array([0.4, -0.3, 0.0])), np.tile(rate, (6001, 1)))
-    made = observing.sampled(np.tile(rate, (6001, 1)), observing.seen(q, down), down)
-    found = vae.estimate(made, observing.starting(BRISK if w is None else with_w(BRISK, w)))
-    assert_allclose(quaternion.rotate(found.q[-1], made.body[-1, 0]), down[0], atol=1e-3)
+    weighted.assert_follows_one_vector(vae, with_w(BRISK, w), 6001)
 
 
 @pytest.mark.parametrize("Phi", vae.POTENTIALS)
@@ -399,7 +359,7 @@ def values_of_lyapunov(chosen, h):
 def test_lyapunov_function_never_grows_without_noise_but_for_the_explicit_step(Phi, w):
     """What it grows by in all, at the start where omega is next to nothing, shrinks with h."""
     chosen = with_gains(BRISK, BRISK.gains.model_copy(update={"Phi": Phi}))
-    chosen = chosen if w is None else with_w(chosen, w)
+    chosen = with_w(chosen, w)
     growth = {}
     for h in (H, H / 4.0):
         V = values_of_lyapunov(chosen, h)

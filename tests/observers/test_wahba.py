@@ -1,17 +1,19 @@
 from dataclasses import replace
 
+import memoryless
 import numpy as np
 import observing
 import papers
 import pytest
-from flights import angle_deg, samples
+from flights import angle_deg
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from memoryless import carried, noisy
 from numpy.testing import assert_allclose
 from observing import IDENTITY
 from papers_rigid import biased
 from scipy.spatial.transform import Rotation
-from strategies import frames, rotations, weights
+from strategies import rotations, weights
 
 from attest import config
 from attest.errors import ConfigError
@@ -26,17 +28,6 @@ def weighted(w):
     """Return a configuration with a weight for each vector."""
     named = {f"v{i + 1}": float(w_i) for i, w_i in enumerate(w)}
     return wahba.Config(weights=config.VectorWeights(w=named))
-
-
-@st.composite
-def noisy(draw, n=3):
-    """Draw n steps of 2 to 5 vectors, each of another attitude and with noise of some degrees."""
-    E = draw(frames(draw(st.integers(2, 5))))
-    rng = np.random.default_rng(draw(st.integers(0, 999)))
-    U = observing.seen(np.array([draw(rotations) for _ in range(n)]), E)
-    U += 0.05 * rng.normal(size=U.shape)
-    U /= np.linalg.norm(U, axis=2, keepdims=True)
-    return observing.sampled(rng.normal(size=(n, 3)), U, E), E
 
 
 def gap(E, U, w):
@@ -119,39 +110,12 @@ def test_a_run_does_not_care_how_the_sensors_sit_in_the_body(case, Q):
     observing.assert_turned_body(*found, Q, atol=1e-7)
 
 
-def carried(n, hidden):
-    """Return samples of motion (96) of which some vectors are hidden between two steps, truth."""
-    Omega = observing.motion(n + 1)
-    Omega = 0.5 * (Omega[1:] + Omega[:-1])
-    gyro = np.tile([0.3, -0.2, 0.5], (n, 1))  # a mean over a step is exact
-    q = observing.truth(quaternion.exp(np.array([0.5, -0.2, 0.8])), gyro)
-    valid = np.ones((n, 3), np.bool_)
-    for vector, first, last in hidden:
-        valid[first:last, vector] = False
-    return observing.sampled(gyro, observing.seen(q, np.eye(3)), np.eye(3), valid=valid), q
-
-
 def test_where_no_vector_is_valid_the_gyroscope_carries_the_attitude():
-    made, q = carried(300, [(i, 100, 200) for i in range(3)])
-    assert angle_deg(wahba.estimate(made, K).q, q).max() < 1e-6
-    bent = made.gyro.copy()
-    bent[100:200] = [0.0, 1.0, 0.0]  # the gyroscope is all there is
-    found = wahba.estimate(replace(made, gyro=bent), K)
-    expected = quaternion.multiply(found.q[101], quaternion.exp(np.array([0.0, 0.98, 0.0])))
-    assert angle_deg(found.q[199], expected) < 1e-6
-    assert angle_deg(found.q[200:], q[200:]).max() < 1e-6
+    memoryless.assert_carried_by_the_gyroscope(wahba, K)
 
 
 def test_where_one_vector_is_valid_it_is_fitted_and_the_gyroscope_carries_the_turn_about_it():
-    made, q = carried(300, [(0, 100, 200), (1, 100, 200)])
-    assert angle_deg(wahba.estimate(made, K).q, q).max() < 1e-6
-    off = made.gyro.copy()
-    off[100:200] += [0.0, 0.0, 0.4]
-    off[100:200] += 0.3 * made.body[100:200, 2]
-    found = wahba.estimate(replace(made, gyro=off), K)
-    third = quaternion.rotate(found.q, made.body[:, 2])
-    assert_allclose(third, np.broadcast_to([0.0, 0.0, 1.0], (300, 3)), atol=1e-9)
-    assert angle_deg(found.q[199], q[199]) > 5.0
+    memoryless.assert_one_vector_is_fitted(wahba, K)
 
 
 def test_two_vectors_on_one_line_count_as_one():
@@ -173,12 +137,7 @@ def test_it_has_no_memory_of_vectors():
 
 
 def test_a_known_bias_is_taken_off_the_gyroscope():
-    made, q = carried(300, [(i, 100, 200) for i in range(3)])
-    beta = np.array([0.1, -0.2, 0.05])
-    off = replace(made, gyro=made.gyro + beta)
-    found = wahba.estimate(off, K.model_copy(update={"initial": config.Initial(bias=tuple(beta))}))
-    assert angle_deg(found.q, q).max() < 1e-6
-    assert_allclose(found.angular_velocity, made.gyro, atol=1e-12)
+    memoryless.assert_takes_off_a_known_bias(wahba, K)
 
 
 def test_a_restart_forgets_what_was_before():
@@ -198,24 +157,15 @@ def test_no_measurement_makes_a_nan(made, by_vector):
 
 @pytest.mark.parametrize("axis", range(3))
 def test_a_half_turn_is_found_at_once(axis):
-    q = quaternion.exp(np.pi * np.eye(3)[axis])
-    made = observing.sampled(
-        np.zeros((3, 3)), observing.seen(np.tile(q, (3, 1)), np.eye(3)), np.eye(3)
-    )
-    found = wahba.estimate(made, observing.starting(K, IDENTITY))
-    assert angle_deg(found.q, q).max() < 1e-9
+    memoryless.assert_finds_a_half_turn(wahba, K, axis)
 
 
 def test_steps_of_a_nanosecond_change_nothing():
-    made, q = carried(3, [(i, 1, 3) for i in range(3)])
-    made = replace(made, t=np.arange(3))
-    assert angle_deg(wahba.estimate(made, K).q, q[0]).max() < 1e-6
+    memoryless.assert_steps_need_length(wahba, K)
 
 
 def test_without_any_vector_in_the_log_it_is_the_gyroscope():
-    made, q = carried(100, [])
-    empty = samples(made.t, made.gyro, np.empty((100, 0, 3)), np.empty((1, 0, 3)))
-    assert angle_deg(wahba.estimate(empty, observing.starting(K, q[0])).q, q).max() < 1e-6
+    memoryless.assert_integrates(wahba, K)
 
 
 def refusal(**weights):
