@@ -7,15 +7,12 @@ whole here and its beginning with pymavlink's ``recv_match``, both for the same 
 prints rates, their ratio and the highest memory use. With ``--text`` it does so for text.
 """
 
-import argparse
-import resource
-import sys
 import tempfile
-import time
 from contextlib import closing
 from pathlib import Path
 
 import numpy as np
+from against_pymavlink import arguments, pymavlink_rate, report
 from pymavlink import DFReader
 
 
@@ -52,33 +49,11 @@ def as_text(log: Path, out: Path) -> None:
             file.write(", ".join([message.get_type(), *values]) + "\n")
 
 
-def pymavlink_rate(log: Path, wanted: set[str], text: bool) -> tuple[float, int]:
-    """Bytes per second of ``recv_match`` over a log, and the messages it gave."""
-    start, count = time.perf_counter(), 0
-    kind = DFReader.DFReader_text if text else DFReader.DFReader_binary
-    with closing(kind(str(log))) as reader:
-        while reader.recv_match(type=list(wanted)) is not None:
-            count += 1
-    return log.stat().st_size / (time.perf_counter() - start), count
-
-
-def own_rate(log: Path) -> tuple[float, int]:
-    """Bytes per second of the whole reader, and the samples of its gyroscope."""
-    from attest import readers
-
-    start = time.perf_counter()
-    recording = readers.read(log)
-    seconds = time.perf_counter() - start
-    return log.stat().st_size / seconds, len(recording.signals["gyro"].t)
-
-
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("log", type=Path, help="a binary log to make a long one from")
-    parser.add_argument("--megabytes", type=float, default=100.0)
-    parser.add_argument("--pymavlink-megabytes", type=float, default=10.0)
-    parser.add_argument("--rounds", type=int, default=3, help="of which the quickest counts")
+    from attest.readers.dataflash_signals import WANTED
+
+    parser = arguments(__doc__, "a binary log to make a long one from")
     parser.add_argument("--text", action="store_true", help="measure the text format")
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
@@ -89,21 +64,13 @@ def main() -> None:
             for path in (long, part):
                 as_text(path, path.with_suffix(".log"))
             long, part = long.with_suffix(".log"), part.with_suffix(".log")
-        _report(long, part, args.rounds, args.text)
+        report(long, args.rounds, lambda: pymavlink_rate(part, opened, set(WANTED)))
 
 
-def _report(long: Path, part: Path, rounds: int, text: bool) -> None:
-    from attest.readers.dataflash_signals import WANTED
-
-    own, samples = max(own_rate(long) for _ in range(rounds))
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    theirs, count = max(pymavlink_rate(part, set(WANTED), text) for _ in range(2))
-    # again, so that a machine that grew slower or quicker meanwhile favours neither
-    own = max(own, *(own_rate(long)[0] for _ in range(rounds)))
-    out = sys.stdout.write
-    out(f"attest     {own / 1e6:8.1f} MB/s  {samples} gyro samples, peak memory {peak:.0f} MB\n")
-    out(f"pymavlink  {theirs / 1e6:8.2f} MB/s  {count} messages\n")
-    out(f"ratio      {own / theirs:8.1f}\n")
+def opened(log: str) -> closing:
+    """Open a binary or text log with the library."""
+    text = log.endswith(".log")
+    return closing(DFReader.DFReader_text(log) if text else DFReader.DFReader_binary(log))
 
 
 if __name__ == "__main__":

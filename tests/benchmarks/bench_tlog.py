@@ -7,16 +7,13 @@ wanted; reads it whole here and its beginning with pymavlink's ``recv_match``, b
 message types; prints rates, their ratio and the highest memory use.
 """
 
-import argparse
-import resource
 import struct
-import sys
 import tempfile
-import time
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
+from against_pymavlink import arguments, pymavlink_rate, report
 from pymavlink.dialects.v20 import ardupilotmega
 
 TIMES = {"time_boot_ms": 1_000, "time_usec": 1}
@@ -67,57 +64,25 @@ def _later(message: ardupilotmega.MAVLink_message, name: str, micros: int) -> ob
     return value.encode() if isinstance(value, str) else value
 
 
-def pymavlink_rate(log: Path, wanted: set[str]) -> tuple[float, int]:
-    """Bytes per second of ``recv_match`` over a log, and the messages it gave."""
+def opened(log: str) -> closing:
+    """Open a log with the library."""
     from pymavlink import mavutil
 
-    start, count = time.perf_counter(), 0
     # never mavlink_connection: it opens ports and runs programs for some paths
-    with closing(mavutil.mavlogfile(str(log))) as connection:
-        while connection.recv_match(type=list(wanted)) is not None:
-            count += 1
-    return log.stat().st_size / (time.perf_counter() - start), count
-
-
-def own_rate(log: Path) -> tuple[float, int]:
-    """Bytes per second of the whole reader, and the samples of its gyroscope."""
-    from attest import readers
-
-    start = time.perf_counter()
-    recording = readers.read(log)
-    seconds = time.perf_counter() - start
-    return log.stat().st_size / seconds, len(recording.signals["gyro"].t)
+    return closing(mavutil.mavlogfile(log))
 
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("log", type=Path, help="a tlog to make a long one from")
-    parser.add_argument("--megabytes", type=float, default=100.0)
-    parser.add_argument("--pymavlink-megabytes", type=float, default=10.0)
-    parser.add_argument("--rounds", type=int, default=3, help="of which the quickest counts")
-    args = parser.parse_args()
+    from attest.readers.tlog import WANTED
+
+    args = arguments(__doc__, "a tlog to make a long one from").parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        long = Path(folder) / "long.tlog"
-        part = Path(folder) / "part.tlog"
+        long, part = Path(folder) / "long.tlog", Path(folder) / "part.tlog"
         lengthened(args.log, int(args.megabytes * 1e6), long)
         with long.open("rb") as file:
             part.write_bytes(file.read(int(args.pymavlink_megabytes * 1e6)))
-        _report(long, part, args.rounds)
-
-
-def _report(long: Path, part: Path, rounds: int) -> None:
-    from attest.readers.tlog import WANTED
-
-    own, samples = max(own_rate(long) for _ in range(rounds))
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    theirs, count = max(pymavlink_rate(part, set(WANTED)) for _ in range(2))
-    # again, so that a machine that grew slower or quicker meanwhile favours neither
-    own = max(own, *(own_rate(long)[0] for _ in range(rounds)))
-    out = sys.stdout.write
-    out(f"attest     {own / 1e6:8.1f} MB/s  {samples} gyro samples, peak memory {peak:.0f} MB\n")
-    out(f"pymavlink  {theirs / 1e6:8.2f} MB/s  {count} messages\n")
-    out(f"ratio      {own / theirs:8.1f}\n")
+        report(long, args.rounds, lambda: pymavlink_rate(part, opened, set(WANTED)))
 
 
 if __name__ == "__main__":
