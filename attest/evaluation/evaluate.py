@@ -1,6 +1,6 @@
 """Choose a reference, and score an estimate against it."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from attest.errors import ConfigError
 from attest.estimates import Estimates
 from attest.evaluation import errors, rates
 from attest.geometry import quaternion
-from attest.metrics import Metrics
+from attest.metrics import Metrics, Statistics
 from attest.recording import Note, Recording, Reference
 from attest.samples import Samples
 
@@ -52,23 +52,16 @@ def evaluate(
     if not scored.any():
         text = f"reference {reference.name!r} shares no time with the estimate: nothing to score"
         return None, (*notes, Note(text, doubt=True))
-    q, r = estimates.q[scored], q_ref[scored]
-    misalignment = errors.mean_rotation(quaternion.multiply(quaternion.conjugate(r), q))
-    if config.apply_misalignment:
-        q = quaternion.multiply(q, quaternion.conjugate(misalignment))
-    q_e = errors.attitude_error(q, r)
-    psi = errors.heading_offset(q_e)
-    flat = errors.angles(errors.turned(q_e, psi))[:, 0]
-    if config.apply_heading_offset:
-        q_e = errors.turned(q_e, psi)
+    apart = _apart(estimates.q[scored], q_ref[scored], config)
     error_deg = np.full((len(q_ref), 3), np.nan)
-    error_deg[scored] = np.rad2deg(errors.angles(q_e))
+    error_deg[scored] = apart.error_deg
     total, heading, inclination = (
         errors.statistics(error_deg[scored, column]) for column in range(3)
     )
-    settled = errors.settling(error_deg[scored, 0], config.settling_bound_deg)
-    measured = reference.kind == "truth" and bool(np.isfinite(samples.gyro).all())
-    true = _true_bias(samples, q_ref) if measured else None
+    settled, after = _settled(estimates.t[scored], error_deg[scored, 0], config)
+    bias, bias_error = (
+        _bias(samples, estimates, q_ref) if reference.kind == "truth" else (None, None)
+    )
     metrics = Metrics(
         reference=reference.name,
         kind=reference.kind,
@@ -78,22 +71,56 @@ def evaluate(
         total=total,
         heading=heading,
         inclination=inclination,
-        heading_offset_deg=float(np.rad2deg(psi)),
-        without_heading_offset=errors.statistics(np.rad2deg(flat)),
+        heading_offset_deg=apart.heading_offset_deg,
+        without_heading_offset=apart.without_heading_offset,
         settling_bound_deg=config.settling_bound_deg,
-        settling_time_s=None if settled is None else _seconds(estimates.t[scored], settled),
-        after_settling=None
-        if settled is None
-        else errors.statistics(error_deg[scored, 0][settled:]),
+        settling_time_s=settled,
+        after_settling=after,
         time_offset_s=offset,
-        misalignment_deg=float(np.rad2deg(errors.angles(misalignment)[0])),
-        misalignment=(*misalignment.tolist(),),
-        bias_true=None if true is None else (*true.tolist(),),
-        bias_error=None
-        if true is None or estimates.gyro_bias is None
-        else float(np.linalg.norm(estimates.gyro_bias[-1] - true)),
+        misalignment_deg=float(np.rad2deg(errors.angles(apart.misalignment)[0])),
+        misalignment=(*apart.misalignment.tolist(),),
+        bias_true=bias,
+        bias_error=bias_error,
     )
     return metrics, notes
+
+
+@dataclass(frozen=True, slots=True)
+class _Apart:
+    """How far two attitudes are apart, and what of it is constant."""
+
+    error_deg: Array
+    """Total, heading and inclination, as configured, shape (n, 3)."""
+    heading_offset_deg: float
+    without_heading_offset: Statistics
+    misalignment: Array
+
+
+def _apart(q: Array, r: Array, config: Evaluation) -> _Apart:
+    """Compare the attitudes q with r, shapes (n, 4)."""
+    misalignment = errors.mean_rotation(quaternion.multiply(quaternion.conjugate(r), q))
+    if config.apply_misalignment:
+        q = quaternion.multiply(q, quaternion.conjugate(misalignment))
+    q_e = errors.attitude_error(q, r)
+    psi = errors.heading_offset(q_e)
+    turned = errors.turned(q_e, psi)
+    flat = errors.angles(turned)[:, 0]
+    return _Apart(
+        error_deg=np.rad2deg(errors.angles(turned if config.apply_heading_offset else q_e)),
+        heading_offset_deg=float(np.rad2deg(psi)),
+        without_heading_offset=errors.statistics(np.rad2deg(flat)),
+        misalignment=misalignment,
+    )
+
+
+def _settled(
+    t: NDArray[np.int64], total_deg: Array, config: Evaluation
+) -> tuple[float | None, Statistics | None]:
+    """Return when the total error stays below the bound, s, and what it is from then on."""
+    first = errors.settling(total_deg, config.settling_bound_deg)
+    if first is None:
+        return None, None
+    return float(t[first] - t[0]) * 1e-9, errors.statistics(total_deg[first:])
 
 
 def _in_time(
@@ -113,8 +140,16 @@ def _interpolated(estimates: Estimates, reference: Reference, config: Evaluation
     return quaternion.slerp(reference.t, reference.q, estimates.t, gap)
 
 
-def _seconds(t: NDArray[np.int64], i: int) -> float:
-    return float(t[i] - t[0]) * 1e-9
+def _bias(
+    samples: Samples, estimates: Estimates, q_ref: Array
+) -> tuple[tuple[float, float, float] | None, float | None]:
+    """Return the gyroscope's bias that truth implies, and the estimate's error at the end."""
+    true = _true_bias(samples, q_ref) if np.isfinite(samples.gyro).all() else None
+    if true is None:
+        return None, None
+    found = estimates.gyro_bias
+    error = None if found is None else float(np.linalg.norm(found[-1] - true))
+    return (*true.tolist(),), error
 
 
 def _true_bias(samples: Samples, q_ref: Array) -> Array | None:
