@@ -27,7 +27,7 @@ from attest.metrics import Metrics
 from attest.observers.observer import Observer
 from attest.readers import reference_file
 from attest.readers.options import ReadOptions
-from attest.recording import Note, Recording
+from attest.recording import Note, Recording, Reference
 from attest.result import Result, ranked
 from attest.samples import Samples
 
@@ -99,10 +99,11 @@ def run(log: Path, configuration: Configuration, on_stage: OnStage | None = None
     timing: dict[str, float] = {}
     with _stage("reading", timing, on_stage):
         recording = _doubted(read(log, configuration))
-        evaluation.choose(recording, configuration.evaluation.reference)  # or refuse it now
+        # now, so that a name that is not there is refused before the work
+        reference = evaluation.choose(recording, configuration.evaluation.reference)
     with _stage("conditioning", timing, on_stage):
         conditioned = conditioning.condition(recording, configuration)
-    result = _observe(recording, conditioned, configuration, timing, on_stage)
+    result = _observe(recording, conditioned, reference, configuration, timing, on_stage)
     return _summarised(result, timing)
 
 
@@ -129,7 +130,8 @@ def compare(
     first, reading = next(iter(configurations.values())), dict[str, float]()
     with _stage("reading", reading, on_stage):
         recording = _doubted(read(log, first))
-        evaluation.choose(recording, first.evaluation.reference)  # or refuse it now
+        # now, so that a name that is not there is refused before the work
+        reference = evaluation.choose(recording, first.evaluation.reference)
     conditioned: dict[str, Conditioned] = {}
     results: list[Result] = []
     failed: dict[str, str] = {}
@@ -140,7 +142,9 @@ def compare(
                 if how not in conditioned:
                     conditioned[how] = conditioning.condition(recording, configuration)
             _compile(conditioned[how][0], configuration)
-            result = _observe(recording, conditioned[how], configuration, timing, on_stage)
+            result = _observe(
+                recording, conditioned[how], reference, configuration, timing, on_stage
+            )
         except AttestError as error:
             failed[label] = str(error)
         else:
@@ -194,6 +198,7 @@ def _summarised(result: Result, timing: Mapping[str, float]) -> Result:
 def _observe(
     recording: Recording,
     conditioned: Conditioned,
+    reference: Reference | None,
     configuration: Configuration,
     timing: dict[str, float],
     on_stage: OnStage | None,
@@ -201,7 +206,6 @@ def _observe(
     """Estimate and evaluate; the summary is left to be made."""
     samples, notes = conditioned
     observer = observers.get(configuration.observer)
-    reference = evaluation.choose(recording, configuration.evaluation.reference)
     with _stage("observing", timing, on_stage):
         estimates = observer.estimate(samples, configuration)
     with _stage("evaluating", timing, on_stage):
