@@ -255,6 +255,34 @@ def test_notes_of_all_are_told_once_and_those_of_one_under_its_name(compared):
     assert "! cgo: mine alone (×2)" in text
 
 
+def test_table_counts_what_was_promised_and_held(compared):
+    table, folder = compared
+    document = json.loads((folder / "compare.json").read_text(encoding="utf-8"))
+    order = [row["observer"] for row in document["ranking"]]
+    claims = {name: document["runs"][name]["attestation"] for name in order}
+    unknown = {name: sum(claim["holds"] is None for claim in claims[name]) for name in order}
+    said = {
+        name: f"{name}: {len(claims[name]) - unknown[name]} of {len(claims[name])} held"
+        + (f", {unknown[name]} open" if unknown[name] else "")
+        for name in order
+    }
+    first, *others = said.values()
+    lines = [f"  promised    {first}", *(f"{'':14s}{each}" for each in others)]
+    assert "\n".join(["", "", *lines, "", ""]) in table
+
+
+def test_table_says_what_did_not_hold_and_is_silent_where_nothing_is_promised(compared):
+    _, folder = compared
+    document = json.loads((folder / "compare.json").read_text(encoding="utf-8"))
+    for run in document["runs"].values():
+        run["attestation"] = []
+    assert "promised" not in report.text_of_ranking(document, [])
+    held = (True, False, True, None)
+    document["runs"]["cgo"]["attestation"] = [{"holds": holds} for holds in held]
+    text = report.text_of_ranking(document, [])
+    assert "\n\n  promised    cgo: 2 of 4 held, 1 did NOT, 1 open\n\n" in text
+
+
 def test_table_says_what_the_figures_are_worth(compared):
     table, folder = compared
     assert "[°/s]" in table

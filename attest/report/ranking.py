@@ -89,6 +89,7 @@ def text_of_ranking(document: Mapping[str, Any], written: Sequence[Path]) -> str
     lines = [f"{shown(document['log']['path'])}  {len(rows)} observers", *_order(document), ""]
     lines += _table(rows)
     lines += [f"  -   {name}: {why}" for name, why in document["failed"].items()]
+    lines += ["", *claims] if (claims := list(_claims(document))) else []
     lines += text_of_notes(_notes(runs))
     if written:
         names = " ".join(path.name for path in written)
@@ -137,6 +138,19 @@ def _table(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
             f"  {column[i]:>{w}s}" for column, w in zip(named[1:], widths[1:], strict=True)
         )
         yield f"  {place:<4s}{named[0][i]:{widths[0]}s}{figures}"
+
+
+def _claims(document: Mapping[str, Any]) -> Iterator[str]:
+    """Say of each observer, the best first, how much of what was promised held."""
+    label = "promised"
+    for name in (row["observer"] for row in document["ranking"]):
+        held = [claim["holds"] for claim in document["runs"][name]["attestation"]]
+        if not held:
+            continue
+        broken = f", {held.count(False)} did NOT" if False in held else ""
+        unknown = f", {held.count(None)} open" if None in held else ""
+        yield f"  {label:12s}{name}: {held.count(True)} of {len(held)} held{broken}{unknown}"
+        label = ""
 
 
 def _notes(runs: Mapping[str, Mapping[str, Any]]) -> dict[str, list[dict[str, Any]]]:
