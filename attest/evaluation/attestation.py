@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from attest.claims import Claim
 from attest.config import Configuration
 from attest.estimates import Estimates
-from attest.geometry import quaternion, wahba
+from attest.geometry import directions, quaternion
 from attest.metrics import Metrics
 from attest.samples import Samples
 
@@ -69,7 +69,7 @@ def _observable(samples: Samples) -> tuple[Claim, ...]:
     if not samples.names:
         return (_directions(np.zeros((len(samples.t), 2))),)
     found = np.empty((len(samples.t), 2))
-    wahba.independent(samples.inertial, samples.body, samples.valid, found)
+    directions.independent(samples.inertial, samples.body, samples.valid, found)
     return (_directions(found),)
 
 

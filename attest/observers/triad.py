@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from attest.config import Configuration, Section, Weights
 from attest.estimates import Estimates
-from attest.geometry import mat3, so3, static, wahba
+from attest.geometry import directions, mat3, so3, static, wahba
 from attest.geometry.jit import kernel
 from attest.geometry.so3 import Quaternion, Vector
 from attest.observers.observer import (
@@ -68,8 +68,8 @@ def run(
     for i in range(len(h)):
         row = i if len(E) > 1 else 0
         L_i = mat3.matrix_row(L, i)
-        first, second = wahba.widest(E, row, valid, i)
-        if second >= 0 and wahba.apart(U, i, first, second):
+        first, second = directions.widest(E, row, valid, i)
+        if second >= 0 and directions.apart(U, i, first, second):
             R = static.triad(
                 so3.item(E, row, first),
                 so3.item(E, row, second),
