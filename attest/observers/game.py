@@ -18,7 +18,7 @@ turning, as for the MEKF, whose update and prediction these are, with the Hessia
 that definiteness was lost is told.
 """
 
-from math import radians, sqrt
+from math import sqrt
 from typing import Annotated
 
 import numpy as np
@@ -31,8 +31,8 @@ from attest.estimates import Estimates
 from attest.geometry import mat3, so3, wahba
 from attest.geometry.jit import kernel
 from attest.geometry.mat3 import Matrix
-from attest.geometry.so3 import Quaternion, Vector
-from attest.observers.mekf import predict, update
+from attest.geometry.so3 import Vector
+from attest.observers.mekf import Covariance, State, initial_covariance, predict, update
 from attest.observers.observer import (
     COLUMNS,
     Observer,
@@ -48,10 +48,6 @@ from attest.observers.observer import (
 from attest.samples import Samples
 
 Array = NDArray[np.float64]
-Covariance = tuple[Matrix, Matrix, Matrix]
-"""P_a, P_c, P_b."""
-State = tuple[Quaternion, Vector, Covariance]
-"""q, beta_hat, covariance."""
 Numbers = tuple[float, float, float, Covariance]
 """q, Q_Omega, Q_b, and the first covariance."""
 
@@ -170,18 +166,13 @@ def run(
 def estimate(samples: Samples, config: Config) -> Estimates:
     """Estimate attitude and gyroscope bias; the bias survives a restart, the rest starts anew."""
     gains = config.gains
-    P_a, P_b = radians(gains.attitude_deg) ** 2, radians(gains.bias_deg_s) ** 2
+    P = initial_covariance(gains.attitude_deg, gains.bias_deg_s)
+    numbers = (gains.q, gains.Q_Omega, gains.Q_b, P)
     out = np.empty((len(samples.t), COLUMNS + 4))
     beta = np.array(config.initial.bias)
     for part in segments(samples):
         q = so3.as_quaternion(initial_attitude(samples, part, config.initial))
-        P = (
-            mat3.times(P_a, mat3.IDENTITY),
-            mat3.times(0.0, mat3.IDENTITY),
-            mat3.times(P_b, mat3.IDENTITY),
-        )
         start = (q, so3.as_vector(beta), P)
-        numbers = (gains.q, gains.Q_Omega, gains.Q_b, P)
         L = gain_matrices(samples, part, config.weights)
         h, substeps = steps(samples, part), samples.substeps[part]
         run(h, substeps, samples.gyro[part], L, start, numbers, out[part])

@@ -74,6 +74,15 @@ class Config(Configuration):
     weights: VectorWeights = VectorWeights(k=(1.2, 1.0, 30.0))
 
 
+def initial_covariance(attitude_deg: float, bias_deg_s: float) -> Covariance:
+    """Return the covariance of standard deviations alike about all axes."""
+    return (
+        mat3.times(radians(attitude_deg) ** 2, mat3.IDENTITY),
+        mat3.times(0.0, mat3.IDENTITY),
+        mat3.times(radians(bias_deg_s) ** 2, mat3.IDENTITY),
+    )
+
+
 @kernel
 def update(
     q: Quaternion, beta: Vector, P: Covariance, N: Matrix, y: Vector
@@ -169,16 +178,11 @@ def estimate(samples: Samples, config: Config) -> Estimates:
     """Estimate attitude and gyroscope bias; the bias survives a restart, the rest starts anew."""
     gains = config.gains
     numbers = (gains.direction_noise**2, gains.gyro_noise**2, gains.bias_walk**2)
-    P_a, P_b = radians(gains.attitude_deg) ** 2, radians(gains.bias_deg_s) ** 2
+    P = initial_covariance(gains.attitude_deg, gains.bias_deg_s)
     out = np.empty((len(samples.t), COLUMNS + 3))
     beta = np.array(config.initial.bias)
     for part in segments(samples):
         q = so3.as_quaternion(initial_attitude(samples, part, config.initial))
-        P = (
-            mat3.times(P_a, mat3.IDENTITY),
-            mat3.times(0.0, mat3.IDENTITY),
-            mat3.times(P_b, mat3.IDENTITY),
-        )
         start = (q, so3.as_vector(beta), P)
         L, known = gain_and_known_matrices(samples, part, config.weights)
         h, substeps = steps(samples, part), samples.substeps[part]
