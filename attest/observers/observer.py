@@ -52,11 +52,20 @@ def segments(samples: Samples) -> Iterator[slice]:
         yield slice(int(first), int(last))
 
 
+def whole_steps(samples: Samples, part: slice) -> Array:
+    """Return how long each step of a stretch takes, s, shape (n,); the last is zero."""
+    return np.diff(samples.t[part], append=samples.t[part][-1]) * 1e-9
+
+
 def steps(samples: Samples, part: slice) -> Array:
     """Return how long each sub-step of a stretch takes, s, shape (n,); the last step is zero."""
-    h = np.diff(samples.t[part], append=samples.t[part][-1]) * 1e-9
-    divided: Array = h / samples.substeps[part]
+    divided: Array = whole_steps(samples, part) / samples.substeps[part]
     return divided
+
+
+def known_vectors(samples: Samples, part: slice) -> Array:
+    """Return a stretch's vectors in the world, shape (n, k, 3), or (1, k, 3) where constant."""
+    return samples.inertial if len(samples.inertial) == 1 else samples.inertial[part]
 
 
 def initial_attitude(samples: Samples, part: slice, initial: Initial) -> Array:
@@ -173,7 +182,7 @@ def gain_and_known_matrices(samples: Samples, part: slice, weights: Weights) -> 
 
 def _matrices(samples: Samples, part: slice, weights: Weights, known: Array) -> Array:
     L = np.empty((part.stop - part.start, 10))
-    E = samples.inertial if len(samples.inertial) == 1 else samples.inertial[part]
+    E = known_vectors(samples, part)
     U, valid = samples.body[part], samples.valid[part]
     if isinstance(weights, VectorWeights) and weights.w is not None:
         if weights.w and samples.names and not weights.w.keys() & set(samples.names):

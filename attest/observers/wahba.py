@@ -9,32 +9,19 @@ What the vectors of a step leave open (one vector, or none) is as the gyroscope 
 step before.
 """
 
-from math import sqrt
-
 import numpy as np
 from numpy.typing import NDArray
 
-from attest.config import Configuration, Section, VectorWeights
+from attest.config import Configuration, VectorWeights
 from attest.estimates import Estimates
-from attest.geometry import mat3, so3, static, wahba
+from attest.geometry import mat3, so3, static
 from attest.geometry.jit import kernel
 from attest.geometry.so3 import Quaternion, Vector
-from attest.observers.observer import (
-    COLUMNS,
-    Observer,
-    estimates,
-    gain_matrices,
-    initial_attitude,
-    record,
-    segments,
-)
+from attest.observers.gainless import Gains, carried, record_at, stretches
+from attest.observers.observer import COLUMNS, Observer, estimates
 from attest.samples import Samples
 
 Array = NDArray[np.float64]
-
-
-class Gains(Section):
-    """There are none."""
 
 
 class Config(Configuration):
@@ -65,25 +52,16 @@ def run(h: Array, gyro: Array, L: Array, start: Quaternion, beta: Vector, out: A
     predicted = start
     N, V = np.empty((4, 4)), np.empty((4, 4))
     for i in range(len(h)):
-        L_i = mat3.matrix_row(L, i)
-        q = static.closest(L_i, predicted, N, V)
-        B = mat3.matmul(mat3.transpose(so3.matrix(q)), L_i)
-        s = wahba.residual(B)
-        Omega = so3.sub(so3.row(gyro, i), beta)
-        record(out, i, q, Omega, beta, sqrt(so3.dot(s, s)), wahba.cost(L[i, 9], B))
-        mean = so3.sub(so3.mean_row(gyro, i), beta)
-        predicted = so3.normalize(so3.multiply(q, so3.exp(so3.scale(h[i], mean))))
+        q = static.closest(mat3.matrix_row(L, i), predicted, N, V)
+        record_at(out, i, q, gyro, L, beta)
+        predicted = so3.normalize(carried(q, gyro, i, h[i], beta))
 
 
 def estimate(samples: Samples, config: Config) -> Estimates:
     """Solve each step's problem; the angular velocity is the gyroscope's."""
     out = np.empty((len(samples.t), COLUMNS))
-    beta = config.initial.bias
-    for part in segments(samples):
-        start = so3.as_quaternion(initial_attitude(samples, part, config.initial))
-        L = gain_matrices(samples, part, config.weights)
-        h = np.diff(samples.t[part], append=samples.t[part][-1]) * 1e-9
-        run(h, samples.gyro[part], L, start, beta, out[part])
+    for part, given in stretches(samples, config):
+        run(*given, out[part])
     return estimates("wahba", samples, out, bias=False)
 
 
