@@ -13,19 +13,18 @@ Omega_tilde in its first line, as (32).
 """
 
 from math import sqrt
-from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, field_validator, model_validator
 
 from attest.claims import Claim
-from attest.config import Configuration, Initial, Section, Weights
 from attest.estimates import Estimates
 from attest.geometry import mat3, so3, wahba
 from attest.geometry.jit import kernel
 from attest.geometry.mat3 import Matrix
 from attest.geometry.so3 import Quaternion, Vector
+from attest.observers.eso_settings import Config, inertia_matrix
+from attest.observers.hoelder import power, turned
 from attest.observers.observer import (
     COLUMNS,
     Observer,
@@ -45,82 +44,8 @@ State = tuple[Quaternion, Vector, Vector]
 """q, Omega_hat, sigma_hat."""
 Numbers = tuple[float, float, float, float, float]
 """alpha, (1 - alpha)/gamma, kappa, k_sigma, k_Psi."""
-Row = tuple[float, float, float]
-Positive = Annotated[float, Field(gt=0)]
 
 SECOND = 1_000_000_000
-FLOOR = 1e-30
-"""Least s.s and Psi.Psi that are raised to a negative power."""
-
-
-class Gains(Section):
-    """Gains of [ESO] Proposition 3."""
-
-    theorem = "[ESO, Theorem 1]"
-
-    alpha: Annotated[float, Field(gt=0.5, lt=1)] = 0.85
-    """Hölder exponent; nearer to 1 is smoother."""
-    gamma: Annotated[float, Field(gt=0)] = 2.0
-    """Degree of the Lyapunov function; gamma - 3 alpha + 1 >= 0."""
-    kappa: Positive = 0.05
-    """Coupling of residual into rate [1/s]. More follows the vectors more."""
-    k_sigma: Positive = 100.0
-    """Gain of the disturbance. More follows it quicker, and is noisier."""
-    k_Psi: Positive = 20.0
-    """Gain of the rate. More follows the gyroscope quicker, and is noisier."""
-
-    @model_validator(mode="after")
-    def _keep_the_lyapunov_function(self) -> "Gains":
-        if self.gamma - 3.0 * self.alpha + 1.0 < 0.0:
-            raise ValueError("gamma - 3 alpha + 1 >= 0 is needed [ESO, Theorem 2]")
-        return self
-
-
-class Plant(Section):
-    """The rigid body, as far as it is known."""
-
-    theorem = "[ESO, Theorem 1]"
-
-    inertia: Row | tuple[Row, Row, Row] | None = None
-    """J in the body, kg m²: its diagonal, or the whole matrix. null: 1 kg m² about each axis, so
-    that torques read as angular accelerations."""
-    torque: Row | None = None
-    """Constant control torque in the body, N·m; null takes the log's torque, if it has any."""
-
-    @field_validator("inertia")
-    @classmethod
-    def _be_positive(
-        cls, inertia: Row | tuple[Row, Row, Row] | None
-    ) -> Row | tuple[Row, Row, Row] | None:
-        if inertia is not None:
-            J = _matrix(inertia)
-            if not np.allclose(J, J.T, rtol=1e-9) or np.linalg.eigvalsh(J).min() <= 0.0:
-                raise ValueError("a symmetric positive definite J is needed [ESO, Theorem 1]")
-        return inertia
-
-
-class Start(Initial):
-    """Where the observer starts."""
-
-    disturbance: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """sigma_hat = J^-1 tau_d, rad/s²."""
-
-
-class Config(Configuration):
-    """Configuration of ``eso``; the defaults suit flight logs."""
-
-    observer: str = "eso"
-    gains: Gains = Gains()
-    weights: Weights = Weights(k=(1.2, 1.0, 30.0))
-    initial: Start = Start()
-    plant: Plant = Plant()
-
-
-def _matrix(inertia: Row | tuple[Row, Row, Row] | None) -> Array:
-    if inertia is None:
-        return np.eye(3)
-    given = np.array(inertia)
-    return np.diag(given) if given.ndim == 1 else given
 
 
 @kernel
@@ -129,13 +54,12 @@ def derivatives(
 ) -> tuple[Vector, Vector, Vector]:
     """Return Omega_hat' less J^-1 (J Omega_m x Omega_m + tau) + sigma_hat, sigma_hat', and Psi."""
     alpha, a, kappa, k_sigma, k_Psi = gains
-    slope = max(so3.dot(s, s), FLOOR) ** -a
+    slope = power(s, a)
     Psi = so3.sub(Omega_tilde, so3.scale(kappa * slope, s))  # (26), (29)
-    power = max(so3.dot(Psi, Psi), FLOOR) ** (0.5 * (alpha - 1.0))
-    H_w = so3.sub(w, so3.scale(2.0 * a * so3.dot(s, w) / max(so3.dot(s, s), FLOOR), s))  # (28)
-    pull = so3.scale(k_Psi * power, Psi)
-    Omega_dot = so3.sub(pull, so3.scale(kappa * slope, H_w))
-    return Omega_dot, so3.scale(k_sigma * power * power, Psi), Psi  # (30)
+    on_Psi = power(Psi, 0.5 * (1.0 - alpha))
+    pull = so3.scale(k_Psi * on_Psi, Psi)
+    Omega_dot = so3.sub(pull, so3.scale(kappa * slope, turned(s, w, a)))
+    return Omega_dot, so3.scale(k_sigma * on_Psi * on_Psi, Psi), Psi  # (30)
 
 
 @kernel
@@ -208,7 +132,7 @@ def estimate(samples: Samples, config: Config) -> Estimates:
     gains = config.gains
     a = (1.0 - gains.alpha) / gains.gamma
     numbers = (gains.alpha, a, gains.kappa, gains.k_sigma, gains.k_Psi)
-    J = _matrix(config.plant.inertia)
+    J = inertia_matrix(config.plant.inertia)
     both = _tuple(J), _tuple(np.asarray(np.linalg.inv(J), np.float64))
     beta = np.array(config.initial.bias)
     torque = _torque(samples, config)
@@ -299,7 +223,7 @@ def _settled(samples: Samples, found: Estimates, config: Config) -> Claim:
 
 def _disturbance_rate(samples: Samples, found: Estimates, config: Config) -> float:
     """Return the most that sigma_hat changes in a second, in the second half, rad/s³."""
-    J_inverse = np.linalg.inv(_matrix(config.plant.inertia))
+    J_inverse = np.linalg.inv(inertia_matrix(config.plant.inertia))
     half = len(samples.t) // 2
     t, sigma = samples.t[half:], found.states["disturbance_torque"][half:] @ J_inverse.T
     later = np.searchsorted(t, t + SECOND)

@@ -26,6 +26,7 @@ from attest.geometry import mat3, so3, wahba
 from attest.geometry.jit import kernel
 from attest.geometry.mat3 import Matrix
 from attest.geometry.so3 import Quaternion, Vector
+from attest.observers.hoelder import power, turned
 from attest.observers.observer import (
     COLUMNS,
     Observer,
@@ -52,8 +53,6 @@ SIGMAS = 3.0
 """The bound of normal noise, in standard deviations."""
 ENOUGH = 100
 """Samples from which a run's noise can be told."""
-FLOOR = 1e-30
-"""Least s.s and Psi.Psi that are raised to a negative power."""
 
 
 class Gains(Section):
@@ -84,28 +83,16 @@ class Config(Configuration):
 
 
 @kernel
-def _power(x: Vector, a: float) -> float:
-    """Return (x.x)^-a, floored."""
-    return float(max(so3.dot(x, x), FLOOR) ** -a)
-
-
-@kernel
-def _turn(x: Vector, y: Vector, a: float) -> Vector:
-    """Return H(x) y with H(x) = I - 2a x x^T/(x.x), (52)."""
-    return so3.sub(y, so3.scale(2.0 * a * so3.dot(x, y) / max(so3.dot(x, x), FLOOR), x))
-
-
-@kernel
 def derivatives(
     s: Vector, w: Vector, omega: Vector, gains: Numbers
 ) -> tuple[Vector, Vector, Vector]:
     """Return beta_hat', omega' and Psi from the residual s = s_L and its rate w = w_L."""
     k_p, k_v, kappa, mu, a, k_b = gains
-    slope = _power(s, a)
+    slope = power(s, a)
     Psi = so3.sub(omega, so3.scale(kappa * slope, s))  # (46), (47)
     beta_dot = so3.scale(k_p / k_b, s)  # (50)
-    pull = so3.sub(so3.scale(k_p, s), so3.scale(k_v * _power(Psi, a), Psi))
-    follow = so3.scale(mu * kappa * slope, _turn(s, w, a))
+    pull = so3.sub(so3.scale(k_p, s), so3.scale(k_v * power(Psi, a), Psi))
+    follow = so3.scale(mu * kappa * slope, turned(s, w, a))  # (52)
     return beta_dot, so3.scale(1.0 / mu, so3.add(pull, follow)), Psi  # (51)
 
 

@@ -27,24 +27,25 @@ from attest.geometry import mat3, so3, wahba
 from attest.geometry.jit import kernel
 from attest.geometry.mat3 import Matrix
 from attest.geometry.so3 import Quaternion, Vector
+from attest.observers.hoelder import FLOOR, power
 from attest.observers.observer import (
     COLUMNS,
     Observer,
     between,
     estimates,
     initial_attitude,
+    known_vectors,
     mean_rate,
     record,
     segments,
     steps,
+    whole_steps,
 )
 from attest.samples import Samples
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-FLOOR = 1e-30
-"""Least s.s that is raised to a negative power."""
 LEAST = 1e-6
 """Determinant of the rate's normal matrix, in units of its trace cubed, that is not zero."""
 
@@ -146,7 +147,7 @@ def step(
     """Advance q by h, (40)-(42); also return Omega_hat, s and R^T Gamma at the beginning."""
     B = mat3.matmul(mat3.transpose(so3.matrix(q)), Gamma)
     s = wahba.residual(B)
-    slope = max(so3.dot(s, s), FLOOR) ** (1.0 / p - 1.0)
+    slope = power(s, 1.0 - 1.0 / p)
     Omega_hat = so3.sub(Omega_f, so3.scale(k_p * slope, s))  # (40), (41)
     return so3.multiply(q, so3.exp(so3.scale(h, Omega_hat))), Omega_hat, s, B  # (42)
 
@@ -182,8 +183,7 @@ def estimate(samples: Samples, config: Config) -> Estimates:
     for part in segments(samples):
         L, valid = samples.body[part], samples.valid[part]
         l_f = np.zeros_like(L)
-        whole = np.diff(samples.t[part], append=samples.t[part][-1]) * 1e-9
-        prefilter(whole, L, valid, gains.mu, gains.w_n, l_f, Omega_f[part])
+        prefilter(whole_steps(samples, part), L, valid, gains.mu, gains.w_n, l_f, Omega_f[part])
         Gamma = _gain_matrices(samples, part, l_f, config.weights)
         q = so3.as_quaternion(initial_attitude(samples, part, config.initial))
         h, substeps = steps(samples, part), samples.substeps[part]
@@ -196,7 +196,7 @@ def estimate(samples: Samples, config: Config) -> Estimates:
 def _gain_matrices(samples: Samples, part: slice, l_f: Array, weights: Weights) -> Array:
     """Return Gamma = D W L_f^T and the cost's constant part, shape (n, 10); W is (23)."""
     Gamma = np.empty((len(l_f), 10))
-    D = samples.inertial if len(samples.inertial) == 1 else samples.inertial[part]
+    D = known_vectors(samples, part)
     wahba.gain_matrices(D, l_f, samples.valid[part], weights.k, Gamma, np.empty((0, 6)))
     return Gamma
 

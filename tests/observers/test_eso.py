@@ -20,14 +20,14 @@ from attest.conditioning import condition
 from attest.config import Conditioning
 from attest.errors import ConfigError
 from attest.geometry import mat3, quaternion, so3
-from attest.observers import eso
+from attest.observers import eso, eso_settings, hoelder
 from attest.recording import Signal
 
 K = config.Weights(k=(3.0, 2.0, 1.0))
 PAPER = eso.Config(
-    gains=eso.Gains(alpha=0.85, gamma=2.0, kappa=0.15, k_sigma=5.0, k_Psi=5.0),
+    gains=eso_settings.Gains(alpha=0.85, gamma=2.0, kappa=0.15, k_sigma=5.0, k_Psi=5.0),
     weights=K,
-    plant=eso.Plant(inertia=(4.0, 4.0, 10.0)),
+    plant=eso_settings.Plant(inertia=(4.0, 4.0, 10.0)),
 )
 """Gains and inertia of [ESO] section 6."""
 FULL = np.array([[4.0, 0.3, -0.2], [0.3, 5.0, 0.5], [-0.2, 0.5, 10.0]])
@@ -38,7 +38,7 @@ ZERO = (0.0, 0.0, 0.0)
 @st.composite
 def drawn_gains(draw):
     alpha = draw(st.floats(0.51, 0.99))
-    return eso.Gains(
+    return eso_settings.Gains(
         alpha=alpha,
         gamma=max(3.0 * alpha - 1.0, 1e-3) + draw(st.floats(0.0, 3.0)),
         kappa=draw(st.floats(0.05, 1.0)),
@@ -56,13 +56,13 @@ def inertias(draw):
 
 def set_up(settings, *, q=IDENTITY, rate=None, sigma=ZERO, J=None, bias=ZERO):
     """Return a configuration that starts at attitude q, with a rate and a disturbance."""
-    start = eso.Start(
+    start = eso_settings.Start(
         **observing.initial(q, bias, rate).model_dump(),
         disturbance=tuple(np.asarray(sigma).tolist()),
     )
     plant = settings.plant
     if J is not None:
-        plant = eso.Plant(inertia=tuple(map(tuple, np.asarray(J).tolist())))
+        plant = eso_settings.Plant(inertia=tuple(map(tuple, np.asarray(J).tolist())))
     return settings.model_copy(update={"initial": start, "plant": plant})
 
 
@@ -248,7 +248,7 @@ def test_without_inertia_or_torque_it_is_said_what_the_disturbance_is_made_of():
     assert claim_of_the_model(torque, unknown).holds is None
     assert claim_of_the_model(made, PAPER).holds is None
     configured = set_up(PAPER).model_copy(
-        update={"plant": eso.Plant(inertia=(1.0, 2.0, 3.0), torque=(0.0, 0.0, 0.1))}
+        update={"plant": eso_settings.Plant(inertia=(1.0, 2.0, 3.0), torque=(0.0, 0.0, 0.1))}
     )
     claim = claim_of_the_model(made, configured)
     assert claim.holds is None
@@ -386,7 +386,7 @@ def test_a_half_turn_off_is_an_equilibrium_that_any_push_leaves(half_turn):
 
 @pytest.mark.parametrize("alpha", [0.51, 0.85, 0.99])
 def test_a_perfect_estimate_at_rest_stays_where_it_is(alpha):
-    settings = eso.Config(gains=eso.Gains(alpha=alpha), weights=K)
+    settings = eso.Config(gains=eso_settings.Gains(alpha=alpha), weights=K)
     found = eso.estimate(observing.at_rest(50), set_up(settings))
     assert_allclose(found.q, np.broadcast_to(IDENTITY, (50, 4)))
     assert not found.angular_velocity.any()
@@ -398,7 +398,7 @@ def test_derivatives_are_finite_where_the_powers_have_no_value(s, w, g):
     a = (1.0 - g.alpha) / g.gamma
     numbers = (g.alpha, a, g.kappa, g.k_sigma, g.k_Psi)
     s, w = so3.as_vector(s), so3.as_vector(w)
-    on_psi = so3.scale(g.kappa * max(so3.dot(s, s), eso.FLOOR) ** -a, s)  # Psi = 0
+    on_psi = so3.scale(g.kappa * max(so3.dot(s, s), hoelder.FLOOR) ** -a, s)  # Psi = 0
     for case in ((ZERO, w, ZERO), (ZERO, ZERO, ZERO), (s, w, on_psi), (ZERO, w, s)):
         assert np.isfinite(eso.derivatives(*case, numbers)).all()
 
@@ -432,7 +432,9 @@ def test_no_measurement_makes_a_nan(made, shipped):
 @pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="plain Python raises at infinity")
 def test_gains_too_high_for_the_steps_are_an_error_and_never_nan():
     made, _ = constant_disturbance(np.zeros(3), 3000)
-    wild = PAPER.model_copy(update={"gains": eso.Gains(alpha=0.99, k_Psi=1e4, k_sigma=1e6)})
+    wild = PAPER.model_copy(
+        update={"gains": eso_settings.Gains(alpha=0.99, k_Psi=1e4, k_sigma=1e6)}
+    )
     with pytest.raises(ConfigError, match=r"eso: .* after \d+\.\d\d s: the gains are too high"):
         eso.estimate(made, wild)
 
@@ -476,7 +478,7 @@ def test_a_torque_of_the_configuration_is_the_same_as_one_of_the_log_and_goes_be
 
 def test_an_unknown_inertia_reads_torques_as_angular_accelerations():
     made, _ = constant_disturbance(np.zeros(3), 500)
-    unknown = set_up(PAPER).model_copy(update={"plant": eso.Plant()})
+    unknown = set_up(PAPER).model_copy(update={"plant": eso_settings.Plant()})
     of_one = set_up(PAPER, J=np.eye(3))
     found = [eso.estimate(made, settings) for settings in (unknown, of_one)]
     assert found[0].q.tobytes() == found[1].q.tobytes()
@@ -506,7 +508,7 @@ def test_a_restart_starts_all_anew_and_keeps_the_known_bias():
     found = eso.estimate(made, start)
     i = 2000
     alone = observing.sampled(made.gyro[i:], made.body[i:], np.eye(3))
-    anew = PAPER.model_copy(update={"initial": eso.Start(bias=tuple(beta.tolist()))})
+    anew = PAPER.model_copy(update={"initial": eso_settings.Start(bias=tuple(beta.tolist()))})
     expected = eso.estimate(alone, anew)
     assert angle_deg(found.q[i:], expected.q).max() < 1e-6
     assert_allclose(found.angular_velocity[i:], expected.angular_velocity, atol=1e-12)

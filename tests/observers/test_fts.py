@@ -18,7 +18,7 @@ from strategies import arrays, directions, frames, rotations, vectors, weights
 from attest import config
 from attest.errors import ConfigError
 from attest.geometry import quaternion, so3, wahba
-from attest.observers import fts
+from attest.observers import fts, hoelder
 
 PAPER = fts.Config(
     gains=fts.Gains(k_p=2.0, k_v=1.0, kappa=0.1, mu=0.35, p=1.1, k_b=None),
@@ -313,7 +313,7 @@ def test_derivatives_are_finite_where_the_powers_have_no_value(s, w, g):
     zero = (0.0, 0.0, 0.0)
     s, w = so3.as_vector(s), so3.as_vector(w)
     values = numbers(g)
-    slope = max(so3.dot(s, s), fts.FLOOR) ** -values[4]
+    slope = max(so3.dot(s, s), hoelder.FLOOR) ** -values[4]
     on_psi = so3.as_vector(g.kappa * slope * np.array(s))  # Psi = 0
     for case in ((zero, w, zero), (zero, zero, zero), (s, w, on_psi), (zero, w, s)):
         assert np.isfinite(fts.derivatives(*case, values)).all()
