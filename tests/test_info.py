@@ -10,6 +10,7 @@ from flights import FIELD, at, flight, gyro, recording, resting, stamps, tumblin
 
 from attest import inspection, readers, report, simulation
 from attest.cli import cli
+from attest.errors import ReadError
 from attest.recording import Signal
 from attest.report.plot import _thinned
 
@@ -141,6 +142,57 @@ def test_options_choose_what_is_read_and_are_repeated_in_the_command(sample_logs
     told = json.loads(info(path, "--imu", "RAW_IMU", "--set", "input.vehicle='1'", "--json").stdout)
     assert told["command"].endswith(
         """--set 'input.imu="RAW_IMU"' --set 'input.vehicle='"'"'1'"'"''"""
+    )
+
+
+MAPPING = """observer: integration
+input:
+  world: ned
+  csv: {time: {column: t, unit: ms}, gyro: {columns: [gx, gy, gz], unit: deg/s}}
+"""
+
+
+def mapped(folder):
+    """Return a mapping, and a folder with two logs that it suits."""
+    logs = folder / "logs"
+    logs.mkdir()
+    for name in ("a.csv", "b.csv"):
+        rows = [f"{10 * i},0,{i % 7},90" for i in range(200)]
+        (logs / name).write_text("\n".join(["t,gx,gy,gz", *rows]))
+    yaml = folder / "mine.yaml"
+    yaml.write_text(MAPPING)
+    return yaml, logs
+
+
+def test_a_csv_mapping_is_given_as_to_run(tmp_path):
+    yaml, logs = mapped(tmp_path)
+    told = json.loads(info(logs / "a.csv", "--observer", yaml, "--json").stdout)
+    assert told["signals"]["gyro"]["max"][2] == pytest.approx(np.pi / 2)
+    assert told["signals"]["gyro"]["rate_hz"] == 100.0
+    assert told["command"] == f"attest run {logs / 'a.csv'} --observer {yaml}"
+    in_radians = ("-o", yaml, "--set", "input.csv.gyro.unit=rad/s", "--json")
+    told = json.loads(info(logs / "a.csv", *in_radians).stdout)
+    assert told["signals"]["gyro"]["max"][2] == 90.0
+    assert told["command"].endswith(f"--observer {yaml} --set input.csv.gyro.unit=rad/s")
+
+
+@pytest.mark.parametrize("command", ["info", "run"])
+def test_a_folder_of_mapped_csvs_is_found(tmp_path, command):
+    yaml, logs = mapped(tmp_path)
+    where = ["--output", tmp_path / "out"] if command == "run" else []
+    arguments = [command, logs, "--observer", yaml, "--json", *where]
+    done = CliRunner().invoke(cli, [*map(str, arguments)], catch_exceptions=False)
+    assert len([json.loads(line) for line in done.stdout.splitlines()]) == 2
+
+
+def test_a_folder_without_the_columns_that_are_told_is_one_line(tmp_path):
+    yaml, logs = mapped(tmp_path)
+    wrong = ["info", logs, "-o", yaml, "--set", "input.csv.time.column=T"]
+    with pytest.raises(ReadError) as caught:
+        cli.main([*map(str, wrong)], standalone_mode=False)
+    assert str(caught.value) == (
+        f"{logs}: no log, and no CSV with the columns of input.csv, in this folder. "
+        "Name a log, or a folder with logs."
     )
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -19,6 +19,9 @@ from attest.cli.options import (
 from attest.cli.progress import progress
 from attest.cli.run import open_rrd
 from attest.errors import ConfigError
+
+if TYPE_CHECKING:
+    from attest.config import Csv
 
 USUAL = ("fts", "vae", "game", "cgo", "mekf")
 
@@ -62,11 +65,11 @@ def compare(
 
     if len(observers) < 2:
         raise ConfigError("one observer: nothing to compare with. Name two with -o, or use run.")
-    path = _only(log)
     wanted = [*chosen(choices), *assignments]
     configurations = {
         label: pipeline.configure(name, wanted) for label, name in _labels(observers).items()
     }
+    path = _only(log, next(iter(configurations.values())).input.csv)
     with progress(path.name, quiet=quiet, stages=3 * len(configurations) + 2) as on_stage:
         results, failed = pipeline.compare(path, configurations, on_stage)
         document = report.rank(results, failed)
@@ -104,8 +107,8 @@ def _labels(names: Sequence[str]) -> dict[str, str]:
     return labels
 
 
-def _only(named: str) -> Path:
-    found = find_logs([named])
+def _only(named: str, csv: "Csv | None") -> Path:
+    found = find_logs([named], csv)
     if len(found) > 1:
         raise ConfigError(f"{named}: {len(found)} logs in this folder. Name one of them.")
     return found[0]

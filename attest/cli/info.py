@@ -1,13 +1,19 @@
 """``attest info``."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 import click
 
 from attest.cli.logs import logs as find_logs
-from attest.cli.options import assignments_option, json_option, vehicle_option, world_option
+from attest.cli.options import (
+    assignments_option,
+    json_option,
+    observer_option,
+    vehicle_option,
+    world_option,
+)
 from attest.errors import ConfigError
 
 EPILOG = """\b
@@ -15,11 +21,13 @@ Examples:
   attest info flight.tlog --json
   attest info flight.bin --imu IMU[1] --plot signals.png
   attest info flight.bag --set input.topics.mag=/mag
+  attest info flight.csv --observer mine.yaml
 """
 
 
 @click.command(epilog=EPILOG)
 @click.argument("logs", nargs=-1, required=True, metavar="LOG...")
+@observer_option
 @vehicle_option
 @world_option
 @click.option("--imu", metavar="NAME", help="Message or topic of the IMU.  [default: the best]")
@@ -29,6 +37,7 @@ Examples:
 def info(
     *,
     logs: tuple[str, ...],
+    observer: str,
     vehicle: str | None,
     world: str | None,
     imu: str | None,
@@ -40,13 +49,14 @@ def info(
     from attest import pipeline, report
     from attest.writers.json import to_json
 
-    found = find_logs(logs)
+    configuration = pipeline.configure(observer, [*_chosen(vehicle, world, imu), *assignments])
+    found = find_logs(logs, configuration.input.csv)
     if plot is not None and len(found) > 1:
         raise ConfigError(f"--plot {plot}: one picture for {len(found)} logs. Name one log.")
-    options = list(_options(vehicle=vehicle, world=world, imu=imu, assignments=assignments))
-    configuration = pipeline.configure("fts", [*_chosen(vehicle, world, imu), *assignments])
+    options = {"--observer": observer, "--vehicle": vehicle, "--world": world}
+    needed = [*_options(options), *_assigned([*_chosen(None, None, imu), *assignments])]
     for i, log in enumerate(found):
-        recording, described = pipeline.inspect(log, configuration, options)
+        recording, described = pipeline.inspect(log, configuration, needed)
         if plot is not None:
             report.plot(recording, plot)
         if as_json:
@@ -62,12 +72,13 @@ def _chosen(vehicle: str | None, world: str | None, imu: str | None) -> Iterator
             yield f"input.{key}={json.dumps(value)}"
 
 
-def _options(
-    *, vehicle: str | None, world: str | None, imu: str | None, assignments: tuple[str, ...]
-) -> Iterator[str]:
-    """Yield the options as `run` takes them."""
-    for name, value in (("--vehicle", vehicle), ("--world", world)):
-        if value is not None:
+def _options(given: Mapping[str, str | None]) -> Iterator[str]:
+    """Yield the options as `run` takes them, and leaves them out."""
+    for name, value in given.items():
+        if value is not None and (name, value) != ("--observer", "fts"):
             yield from (name, value)
-    for assignment in (*_chosen(None, None, imu), *assignments):
+
+
+def _assigned(assignments: Iterable[str]) -> Iterator[str]:
+    for assignment in assignments:
         yield from ("--set", assignment)

@@ -2,12 +2,18 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from attest.errors import ConfigError, ReadError
 
+if TYPE_CHECKING:
+    from attest.config import Csv
 
-def logs(named: Sequence[str]) -> list[Path]:
+
+def logs(named: Sequence[str], csv: "Csv | None" = None) -> list[Path]:
     """Return the logs, folders replaced by those in them, by content.
+
+    With the columns of a CSV told, files that have them are logs too.
 
     Raises
     ------
@@ -25,8 +31,9 @@ def logs(named: Sequence[str]) -> list[Path]:
         if not path.is_dir():
             found.append(path)
             continue
-        inside = readers.logs_in(path)
+        inside = readers.logs_in(path, csv)
         if not inside:
-            raise ReadError(f"{path}: no log in this folder. Name a log, or a folder with logs.")
+            what = "no log" if csv is None else "no log, and no CSV with the columns of input.csv,"
+            raise ReadError(f"{path}: {what} in this folder. Name a log, or a folder with logs.")
         found += inside
     return found

@@ -17,6 +17,9 @@ json_option = click.option(
     help="Print JSON instead of text; of several logs, a line each.",
 )
 
+observer_option = click.option(
+    "--observer", "-o", default="fts", metavar="NAME|FILE.yaml", help="Observer, or YAML."
+)
 assignments_option = click.option(
     "--set", "assignments", multiple=True, metavar="KEY=VALUE", help="Override a YAML key."
 )

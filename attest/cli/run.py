@@ -14,6 +14,7 @@ from attest.cli.options import (
     chosen,
     json_option,
     log_options,
+    observer_option,
     open_option,
     output_option,
     quiet_option,
@@ -35,9 +36,7 @@ Examples:
 """
 )
 @click.argument("logs", nargs=-1, required=True, metavar="LOG...")
-@click.option(
-    "--observer", "-o", default="fts", metavar="NAME|FILE.yaml", help="Observer, or YAML."
-)
+@observer_option
 @assignments_option
 @log_options
 @output_option
@@ -59,7 +58,7 @@ def run(
     from attest import pipeline
 
     configuration = pipeline.configure(observer, [*chosen(choices), *assignments])
-    found = find_logs(logs)
+    found = find_logs(logs, configuration.input.csv)
     failed = 0
     for log in found:
         try:

@@ -61,5 +61,5 @@ def command(recording: Recording, options: Iterable[str] = ()) -> str | None:
     if "gyro" not in recording.signals:
         if not any(name.removeprefix("point").isdecimal() for name in recording.signals):
             return None
-        words += ["--observer", "relative_fts"]
+        words += [] if "--observer" in words else ["--observer", "relative_fts"]
     return shlex.join(words)

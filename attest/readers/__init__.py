@@ -8,6 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Protocol, cast
 
+from attest.config import Csv
 from attest.errors import ReadError
 from attest.readers.options import ReadOptions
 from attest.recording import Recording
@@ -52,16 +53,21 @@ def recognise(path: Path, *, mapped: bool = False) -> str:
     )
 
 
-def is_log(path: Path) -> bool:
-    """Whether some reader knows the file, or the folder is one log, as those of ROS 2 are."""
+def is_log(path: Path, csv: Csv | None = None) -> bool:
+    """Whether some reader knows the file, or the folder is one log, as those of ROS 2 are.
+
+    With the columns of a CSV told, also a file that has them.
+    """
+    from attest.readers import csv_plan
+
     try:
         recognise(path)
     except ReadError:
-        return False
+        return csv is not None and path.is_file() and csv_plan.fits(path, csv)
     return True
 
 
-def logs_in(folder: Path) -> list[Path]:
+def logs_in(folder: Path, csv: Csv | None = None) -> list[Path]:
     """Return the logs of a folder and of those in it, by content, in name order.
 
     What is hidden is left out; a folder that is one log is named once, not file by file.
@@ -71,8 +77,8 @@ def logs_in(folder: Path) -> list[Path]:
     logs = []
     for path in sorted(folder.glob("[!.]*")):
         if path.is_dir() and not path.is_symlink():
-            logs += logs_in(path)
-        elif path.is_file() and is_log(path):
+            logs += logs_in(path, csv)
+        elif path.is_file() and is_log(path, csv):
             logs.append(path)
     return logs
 

@@ -153,6 +153,24 @@ def mapped(path: Path, csv: Csv, by: str = "as input.csv says", name: str = "ref
     )
 
 
+def fits(path: Path, csv: Csv) -> bool:
+    """Whether a file has the columns that are told; of a time told by number, a number there."""
+    try:
+        plan = mapped(path, csv)
+        head = csv_head.read(path)
+    except (OSError, ReadError, ConfigError):
+        return False
+    if isinstance(csv.time.column, str):
+        return True
+    row = csv_head.lines(head[plan.layout.start :], 0, csv.comment.encode()).first
+    cells = csv_head.cells(row, plan.layout.separator)
+    try:
+        float(cells[csv.time.column - 1].replace(plan.layout.decimal, "."))
+    except (IndexError, ValueError):
+        return False
+    return True
+
+
 def _told(csv: Csv) -> dict[str, tuple[tuple[str | int, ...], str]]:
     """Columns and unit of each signal by its key."""
     told: dict[str, tuple[tuple[str | int, ...], str]] = {"time": ((csv.time.column,), "")}

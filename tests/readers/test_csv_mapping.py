@@ -12,6 +12,7 @@ from attest.readers.options import ReadOptions
 
 GYRO = {"columns": ["gx", "gy", "gz"]}
 TIME = {"column": "t"}
+BY_NUMBER = {"header": False, "time": {"column": 1}, "gyro": {"columns": [2, 3, 4]}}
 
 
 @pytest.fixture
@@ -180,6 +181,46 @@ def test_a_mapping_in_yaml_reaches_the_reader(tmp_path):
     recording = pipeline.read(log, pipeline.configure(str(yaml)))
     assert recording.signals["gyro"].t.tolist() == [0, 10**6]
     assert_allclose(np.rad2deg(recording.signals["gyro"].y), [[1, 2, 3], [4, 5, 6]])
+
+
+def told(**keys):
+    return Csv.model_validate({"time": TIME, "gyro": GYRO} | keys)
+
+
+@pytest.mark.parametrize(
+    ("text", "keys", "fits"),
+    [
+        ("t,gx,gy,gz\n0,1,2,3\n", {}, True),
+        ("t,gx,gy,gz\ns,dps,dps,dps\n0,1,2,3\n", {}, True),
+        ("t,gx,gy\n0,1,2\n", {}, False),
+        ("t,gx,gy,gz\n", {}, False),
+        ("notes of the day\nnothing\n", {}, False),
+        ("", {}, False),
+        ("\x89PNG\x00\x00", {}, False),
+        ("0 1 2 3\n", BY_NUMBER, True),
+        ("0;1;2;3\n", BY_NUMBER, True),
+        ("a b c d\n", BY_NUMBER, False),
+        ("0 1 2\n", BY_NUMBER, False),
+    ],
+)  # fmt: skip
+def test_a_file_with_the_columns_that_are_told_is_a_log(tmp_path, text, keys, fits):
+    path = tmp_path / "log.txt"
+    path.write_text(text)
+    assert readers.is_log(path, told(**keys)) is fits
+    assert not readers.is_log(path)
+
+
+def test_a_folder_of_mapped_files_holds_logs(tmp_path, sample_logs):
+    for name in ("a.csv", "sub/b.txt", ".c.csv"):
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("t,gx,gy,gz\n0,1,2,3\n")
+    (tmp_path / "mine.yaml").write_text("observer: fts\n")
+    (tmp_path / "other.csv").write_text("t,hx,hy,hz\n0,1,2,3\n")
+    (tmp_path / "d.tlog").write_bytes((sample_logs / "quadcopter.tlog").read_bytes())
+    logs = [tmp_path / name for name in ("a.csv", "d.tlog", "sub/b.txt")]
+    assert readers.logs_in(tmp_path, told()) == logs
+    assert readers.logs_in(tmp_path) == [tmp_path / "d.tlog"]
 
 
 def test_other_formats_are_told_by_content_with_a_mapping(sample_logs):
