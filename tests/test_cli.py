@@ -149,7 +149,7 @@ def test_value_outside_the_theorem_is_refused(sample_logs):
 
 def test_unknown_reference_names_those_there_are(sample_logs):
     log = sample_logs / "quadcopter.tlog"
-    message = f"{log}: no reference 'FOO'. The log has: SIMSTATE, ATTITUDE."
+    message = f"{log}: no reference 'FOO', and no such file. The log has: SIMSTATE, ATTITUDE."
     fails(2, message, "run", log, "--reference", "FOO")
 
 

@@ -228,7 +228,9 @@ def test_what_would_not_compare_is_refused(sample_logs, key):
 def test_unknown_reference_is_wrong_usage(sample_logs):
     log = sample_logs / "quadcopter.tlog"
     done = attest("compare", log, "--reference", "FOO")
-    message = f"attest: {log}: no reference 'FOO'. The log has: SIMSTATE, ATTITUDE.\n"
+    message = (
+        f"attest: {log}: no reference 'FOO', and no such file. The log has: SIMSTATE, ATTITUDE.\n"
+    )
     assert (done.returncode, done.stdout, done.stderr) == (2, "", message)
 
 

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -120,19 +122,69 @@ def test_a_name_of_the_log_wins_over_a_file(tmp_path, monkeypatch):
     assert [*recording.references] == ["ref"]
 
 
-def test_a_file_without_reference_is_one_line(tmp_path):
-    path = log(tmp_path, name="none.csv")
+HEADER = "time_s,ref_qw,ref_qx,ref_qy,ref_qz\n"
+NONE = "no reference attitude in this file. Name another, or none."
+UNKNOWN = (
+    "not a log that attest knows (ros, ulog, dataflash, tlog, sensor_logger, csv). "
+    "Check that it is the file you meant."
+)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (f"{GYRO}\n0,1,2,3\n1,1,2,3\n", NONE),
+        ("time_s,ref_qw\n0,1\n", NONE),
+        (f"{HEADER}0,,,,\n", NONE),
+        (HEADER, "a header and no rows. Check how the file was made."),
+        ("", "the file is empty. Record or copy the log again."),
+        ("the flight went well\n", UNKNOWN),
+        ("# timestamp tx ty tz qx qy qz qw\n", UNKNOWN),
+        ("\x89PNG\x00\x01\x02", UNKNOWN),
+    ],
+)
+def test_a_file_without_reference_is_one_line(tmp_path, content, message):
+    path = tmp_path / "reference.csv"
+    path.write_text(content)
     with pytest.raises(ReadError) as caught:
         read(log(tmp_path), path)
-    assert (
-        str(caught.value) == f"{path}: no reference attitude in this file. Name another, or none."
+    assert str(caught.value) == f"{path}: {message}"
+
+
+def test_a_folder_is_no_reference(tmp_path):
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    tum(folder)
+    with pytest.raises(ReadError) as caught:
+        read(log(tmp_path), folder)
+    assert str(caught.value) == f"{folder}: a folder, and no log. Name the reference's file in it."
+
+
+def test_a_reference_that_cannot_be_read_is_one_line(tmp_path, monkeypatch):
+    path, whole, opened = tum(tmp_path), log(tmp_path), Path.open
+
+    def refuse(self, *arguments, **options):
+        if self == path:
+            raise PermissionError(13, "Permission denied", str(path))
+        return opened(self, *arguments, **options)
+
+    monkeypatch.setattr(Path, "open", refuse)
+    with pytest.raises(ReadError) as caught:
+        read(whole, path)
+    assert str(caught.value) == (
+        f"{path}: cannot be read: Permission denied. Check the file and its permissions."
     )
 
 
-def test_no_such_file_names_the_references(tmp_path):
-    path = log(tmp_path, reference=True)
-    with pytest.raises(ConfigError, match=r"no reference 'nope\.csv'. The log has: ref\."):
-        pipeline.run(path, pipeline.configure("integration", ["evaluation.reference=nope.csv"]))
+@pytest.mark.parametrize("reference", [True, False])
+@pytest.mark.parametrize("name", ["nope.csv", "/nowhere/nope.csv", "SIM", "n" * 5000])
+def test_no_such_file_names_the_references(tmp_path, name, reference):
+    path = log(tmp_path, reference=reference)
+    with pytest.raises(ConfigError) as caught:
+        read(path, name)
+    held = "ref" if reference else "none"
+    message = f"{path}: no reference {name!r}, and no such file. The log has: {held}."
+    assert str(caught.value) == message
 
 
 def test_run_and_compare_score_against_a_file(tmp_path):

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from attest import readers
-from attest.errors import ReadError
+from attest.errors import ConfigError, ReadError
 from attest.geometry import quaternion
 from attest.readers import csv, csv_layouts
 from attest.readers.options import ReadOptions
@@ -28,15 +28,17 @@ def join(recording: Recording, name: str | None, options: ReadOptions) -> Record
     ------
     ReadError
         The file cannot be read or holds no reference.
+    ConfigError
+        There is neither a reference nor a file of this name.
     """
     if name is None or name == "none" or name in recording.references:
         return recording
     path = Path(name)
-    try:
-        if not path.exists():
-            return recording  # and the choice of a reference will tell
-    except (OSError, ValueError):
-        return recording
+    if not _exists(path):
+        held = ", ".join(recording.references) or "none"
+        raise ConfigError(
+            f"{recording.path}: no reference {name!r}, and no such file. The log has: {held}."
+        )
     other = _read(path, options)
     if not other.references:
         raise ReadError(f"{path}: no reference attitude in this file. Name another, or none.")
@@ -51,7 +53,16 @@ def join(recording: Recording, name: str | None, options: ReadOptions) -> Record
     )
 
 
+def _exists(path: Path) -> bool:
+    try:
+        return path.exists()
+    except (OSError, ValueError):  # a name that no file can have
+        return False
+
+
 def _read(path: Path, options: ReadOptions) -> Recording:
+    if path.is_dir() and not readers.is_log(path):
+        raise ReadError(f"{path}: a folder, and no log. Name the reference's file in it.")
     trajectory = path.is_file() and csv_layouts.of_trajectory(path) is not None
     mapped = options.csv is not None and options.csv.reference is not None
     if trajectory or readers.recognise(path, mapped=mapped) == "csv":
