@@ -1,7 +1,8 @@
 """The Earth where a log was made: gravity, and the field by the World Magnetic Model."""
 
 from datetime import UTC, datetime
-from typing import NamedTuple
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,11 +51,8 @@ def field(where: Place, when: float) -> Array:
 
     World Magnetic Model of the year's five years; outside `EARLIEST` to `LATEST`, of their ends.
     """
-    from pygeomag import GeoMag
-
     within = min(max(when, EARLIEST), LATEST)
-    model = GeoMag(base_year=datetime(int(min(within, LATEST - 1)), 7, 1, tzinfo=UTC))
-    result = model.calculate(
+    result = _model(int(min(within, LATEST - 1))).calculate(
         glat=where.latitude,
         glon=where.longitude,
         alt=where.altitude * 1e-3,
@@ -62,6 +60,14 @@ def field(where: Place, when: float) -> Array:
         allow_date_outside_lifespan=True,
     )
     return np.array([result.x, result.y, result.z]) * 1e-9
+
+
+@cache
+def _model(year: int) -> Any:
+    """Return the model of a year's five years, whose coefficients are read when it is used."""
+    from pygeomag import GeoMag
+
+    return GeoMag(base_year=datetime(year, 7, 1, tzinfo=UTC))
 
 
 def declination(ned: Array) -> float:

@@ -15,7 +15,7 @@ from attest.recording import Note, Recording, Reference, Signal, seconds
 
 Array = NDArray[np.float64]
 
-MOST_SAMPLES = 5_000
+MOST_SAMPLES = 2_000
 NEAR_GRAVITY = 0.3
 """A specific force that differs from gravity by more than this share tells no vertical."""
 UPSIDE_DOWN = 0.9

@@ -20,14 +20,15 @@ from numpy.typing import NDArray
 from attest.recording import Signal, seconds
 
 Array = NDArray[np.float64]
-Cells = tuple[Array, Array, Array]
+Cells = tuple[Array, Array]
+"""Change of the vector by cell (3 n,), and the integrals of the 12 unknowns (3 n, 12)."""
 
 BLOCK = 1000
 """Samples in a row that are taken or left together."""
 MOST_BLOCKS = 20
 """Of the blocks, those with the most motion are taken."""
-PERIOD_STAMPS = 10_000
-FINEST = 0.004
+PERIOD_STAMPS = 1_000
+FINEST = 0.01
 """Faster gyroscopes are averaged to this step, s."""
 CELL = 0.2
 """Shortest cell, s: turns must show over the noise."""
@@ -77,10 +78,7 @@ def fit(gyro: Signal, vector: Signal) -> Fit | None:
     cells = _cells(gyro, vector)
     if cells is None:
         return None
-    y, X, Z = cells
-    if not np.isfinite(X.T @ X).all():
-        return None
-    y, X = _without(Z, y), _without(Z, X)
+    y, X = _without_bias(*cells)
     G, c, yy = X.T @ X, X.T @ y, float(y @ y)
     if not (np.isfinite(G).all() and np.isfinite(c).all() and yy > 0.0):
         return None
@@ -101,7 +99,7 @@ def fit(gyro: Signal, vector: Signal) -> Fit | None:
 
 
 def _cells(gyro: Signal, vector: Signal) -> Cells | None:
-    """Return change of the vector and both integrals by cell, (3 n,), (3 n, 9) and (3 n, 3)."""
+    """Return what a fit is made of; None where there is too little."""
     if len(gyro.t) < FEWEST or len(vector.t) < FEWEST:
         return None
     step = [period(s.t) for s in (gyro, vector)]
@@ -114,10 +112,10 @@ def _cells(gyro: Signal, vector: Signal) -> Cells | None:
         for first in _moving(gyro.y, merged * BLOCK)
     )
     found = [block for block in blocks if block is not None]
-    if sum(len(y) for y, _, _ in found) < 3 * FEWEST:
+    if sum(len(y) for y, _ in found) < 3 * FEWEST:
         return None
-    y, X, Z = (np.concatenate(part) for part in zip(*found, strict=True))
-    return y, X, Z
+    y, X = (np.concatenate(part) for part in zip(*found, strict=True))
+    return y, X
 
 
 def period(t: NDArray[np.int64]) -> float:
@@ -148,16 +146,16 @@ def _block(gyro: Signal, vector: Signal, part: slice, merged: int, width: float)
     first = max(int(np.searchsorted(vector.t, t[0])) - 1, 0)
     known = slice(first, int(np.searchsorted(vector.t, t[-1])) + 1)
     stamps = seconds(vector.t[known], origin)
-    u = np.stack([np.interp(at, stamps, column) for column in vector.y[known].T], axis=1)
-    rate = _rate(u, w)
+    u = np.stack([np.interp(at, stamps, column) for column in vector.y[known].T])
+    # u w_k and u, with the component of u before k
+    rate = np.concatenate([(u[:, np.newaxis] * w.T).reshape(9, -1), u])
     integral = np.zeros_like(rate)
-    step = 0.5 * np.diff(at)[:, np.newaxis, np.newaxis]
-    np.cumsum((rate[1:] + rate[:-1]) * step, axis=0, out=integral[1:])
+    np.cumsum((rate[:, 1:] + rate[:, :-1]) * (0.5 * np.diff(at)), axis=1, out=integral[:, 1:])
     begins = np.flatnonzero(np.diff(np.floor(at / width), prepend=-1.0))
     together = np.diff(at[begins]) < 2.0 * width  # not across a gap
-    du = np.diff(_mean(u, begins), axis=0)[together]
-    di = np.diff(_mean(integral, begins), axis=0)[together]
-    return du.ravel(), di[..., :9].reshape(-1, 9), di[..., 9:].reshape(-1, 3)
+    du = np.diff(_mean(u, begins))[:, together]
+    di = np.diff(_mean(integral, begins))[:, together]
+    return du.T.ravel(), _crossed(di)
 
 
 def _merged(t: NDArray[np.int64], y: Array, count: int) -> tuple[NDArray[np.int64], Array]:
@@ -170,27 +168,29 @@ def _merged(t: NDArray[np.int64], y: Array, count: int) -> tuple[NDArray[np.int6
     return stamps[:, 0] + late, values.mean(axis=1)
 
 
-def _rate(u: Array, w: Array) -> Array:
-    """Return (u x e_j) w_k, with j and k in the last axis, then u x e_j, shape (n, 3, 12)."""
-    crossed = np.zeros((len(u), 3, 3))
+def _crossed(di: Array) -> Array:
+    """Return integrals of (u x e_j) w_k and u x e_j, (3 n, 12), from those of u w_k and u."""
+    products, alone = di[:9].reshape(3, 3, -1), di[9:]
+    crossed = np.zeros((di.shape[1], 3, 12))
     for j in range(3):
         after, before = (j + 1) % 3, (j + 2) % 3
-        crossed[:, after, j], crossed[:, before, j] = u[:, before], -u[:, after]
-    rate = np.empty((len(u), 3, 12))
-    for j in range(3):
-        rate[:, :, 3 * j : 3 * j + 3] = crossed[:, :, j, np.newaxis] * w[:, np.newaxis, :]
-    rate[:, :, 9:] = crossed
-    return rate
+        crossed[:, after, 3 * j : 3 * j + 3] = products[before].T
+        crossed[:, before, 3 * j : 3 * j + 3] = -products[after].T
+        crossed[:, after, 9 + j], crossed[:, before, 9 + j] = alone[before], -alone[after]
+    return crossed.reshape(-1, 12)
 
 
 def _mean(y: Array, begins: NDArray[np.intp]) -> Array:
-    """Average from each beginning to the next."""
-    count = np.diff(begins, append=len(y)).reshape(-1, *(1,) * (y.ndim - 1))
-    mean: Array = np.add.reduceat(y, begins) / count
+    """Average along the last axis from each beginning to the next."""
+    mean: Array = np.add.reduceat(y, begins, axis=1) / np.diff(begins, append=y.shape[1])
     return mean
 
 
-def _without(Z: Array, y: Array) -> Array:
-    """Return what of y the columns of Z leave unexplained."""
-    rest: Array = y - Z @ (np.linalg.pinv(Z.T @ Z, hermitian=True) @ (Z.T @ y))
-    return rest
+def _without_bias(y: Array, X: Array) -> Cells:
+    """Leave out of change and integrals what a constant rate, the last three, explains."""
+    Z, whole = X[:, 9:], np.column_stack([y, X[:, :9]])
+    G = Z.T @ Z
+    if not np.isfinite(G).all():
+        return y, X[:, :9]  # and the fit will tell
+    rest: Array = whole - Z @ (np.linalg.pinv(G, hermitian=True) @ (Z.T @ whole))
+    return rest[:, 0], rest[:, 1:]

@@ -11,7 +11,7 @@ from attest.recording import Note, Recording
 
 Array = NDArray[np.float64]
 
-MOST_SAMPLES = 20_000
+MOST_SAMPLES = 5_000
 """That a magnitude is taken from, spread over the log."""
 PLAUSIBLE_GRAVITY = (0.5, 2.0)
 """Median of the accelerometer in standard gravities: even a flight in steep turns stays within."""
@@ -49,7 +49,7 @@ def doubts(recording: Recording, earth: Earth | None) -> Iterator[Note]:
     """Yield what the magnitudes of gyroscope, accelerometer and magnetometer tell."""
     lengths = {
         name: length_of(recording.signals[name].y)
-        for name in ("gyro", "accel", "mag")
+        for name in ("accel", "mag")
         if name in recording.signals and len(recording.signals[name].t) > 1
     }
     yield from _gravity(recording, lengths)

@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flights import flight, resting
+from flights import FIELD, flight, gyro, recording, resting, seen, stamps, tumbling
 
 from attest import inspection, readers, simulation
 from attest.geometry import quaternion
+from attest.inspection import axes
 from attest.recording import Reference, Signal
 
 DEGREES = 180.0 / np.pi
@@ -226,3 +227,21 @@ def test_absurd_values_break_nothing(value):
         inspection.doubts(replace(log, signals={**log.signals, name: filled}))
     signals = {name: Signal(s.t[:1], s.y[:1]) for name, s in log.signals.items()}
     assert inspection.doubts(replace(log, signals=signals)) == ()
+
+
+@pytest.mark.parametrize(("rate", "duration"), [(50.0, 60.0), (1000.0, 30.0), (200.0, 300.0)])
+def test_turns_are_told_alike_at_any_rate_and_length(rate, duration):
+    t = stamps(rate, duration)
+    signals = {
+        "gyro": gyro(tumbling, t, bias=(0.05, -0.1, 0.02)),
+        "accel": seen(tumbling, t, [0.0, 0.0, -G]),
+        "mag": seen(tumbling, stamps(20.0, duration), FIELD),
+    }
+    log = recording(signals)
+    for fit in axes.fits(log).values():
+        assert fit.as_read > 0.99
+        assert fit.scale == pytest.approx(1.0, abs=0.01)
+    for fit in axes.fits(turned(log, "gyro", -2.0 * CYCLED)).values():
+        assert fit.best > 0.99
+        assert fit.scale == pytest.approx(0.5, abs=0.01)
+        np.testing.assert_array_equal(fit.axes, -CYCLED.T)
