@@ -13,6 +13,7 @@ from attest.cli import cli
 from attest.errors import ReadError
 from attest.recording import Signal
 from attest.report.plot import _thinned
+from attest.simulation.degrade import Degradation, degrade
 
 
 def figures(y, rate=100.0):
@@ -87,6 +88,35 @@ def test_motion_beyond_the_band_makes_it_too_slow():
     told = inspection.inspect(recording({"gyro": Signal(t, np.stack([hum] * 3, axis=1))}))
     assert told["motion"]["edge_of_band"] > 0.9
     assert not told["motion"]["fast_enough"]
+
+
+def test_a_gyroscope_that_is_too_slow_is_doubted_for_its_reason():
+    def told(signal):
+        return [note.text for note in inspection.doubts(recording({"gyro": signal}))]
+
+    t = stamps(100.0, 60.0)
+    hum = 0.5 * np.sin(2.0 * np.pi * 46.0 * at(t))
+    slow = "the gyroscope is too slow for the motion in it: "
+    (share,) = told(gyro(tumbling, stamps(5.0, 60.0)))
+    assert share.startswith(slow)
+    assert share.endswith("% of its steps turn over 0.1 rad")
+    calm = gyro(tumbling, stamps(10.0, 60.0))
+    assert told(Signal(calm.t, 0.3 * calm.y)) == [f"{slow}it turns, and is below 20 Hz"]
+    assert told(Signal(t, np.stack([hum] * 3, axis=1))) == [
+        f"{slow}100.0% of its power is at the band's edge"
+    ]
+    assert told(gyro(tumbling, t)) == []
+    assert told(gyro(resting, stamps(5.0, 60.0))) == []
+
+
+def test_run_doubts_a_gyroscope_that_is_too_slow(tmp_path):
+    simulation.write(
+        tmp_path / "slow.csv", degrade(simulation.simulate("handheld"), Degradation({"gyro": 4.0}))
+    )
+    arguments = ["run", tmp_path / "slow.csv", "-o", "integration", "--output", tmp_path, "--json"]
+    done = CliRunner().invoke(cli, [*map(str, arguments)], catch_exceptions=False)
+    texts = [warning["text"] for warning in json.loads(done.stdout)["warnings"]]
+    assert any(text.startswith("the gyroscope is too slow for the motion") for text in texts)
 
 
 def test_place_declination_and_dip_are_told_where_known():
@@ -224,20 +254,22 @@ def test_doubts_are_shown_as_warnings(tmp_path):
 @pytest.mark.parametrize(
     ("name", "doubts"),
     [
-        ("tlog/quadplane_sitl.tlog", 0),
+        ("tlog/quadplane_sitl.tlog", 1),
         ("tlog/bluerov2.tlog", 1),
         ("dataflash/bluerov2.BIN", 1),
         ("dataflash/plane_truncated.BIN", 0),
         ("ulog/auav_x21.ulg", 0),
         ("ulog/cubeorange_rest.ulg", 0),
         ("ulog/sitl_groundtruth.ulg", 0),
-        ("rosbag1/ardrone_imu.bag", 0),
+        ("rosbag1/ardrone_imu.bag", 1),
         ("rosbag1/phidgets_upside_down.bag", 0),
-        ("rosbag1/razor_vector3_gauss.bag", 0),
+        ("rosbag1/razor_vector3_gauss.bag", 1),
         ("rosbag1/xsens_tilt_laser.bag", 0),
     ],
 )
-def test_recorded_logs_are_doubted_only_for_their_disturbed_fields(shared, name, doubts):
+def test_recorded_logs_are_doubted_only_for_disturbed_fields_and_slow_gyroscopes(
+    shared, name, doubts
+):
     texts = [note.text for note in inspection.doubts(readers.read(shared / name))]
     assert len(texts) == doubts
-    assert all(text.endswith("not calibrated, or disturbed") for text in texts)
+    assert all("not calibrated, or disturbed" in text or "too slow" in text for text in texts)

@@ -20,8 +20,11 @@ def doubts(recording: Recording) -> tuple[Note, ...]:
     with np.errstate(all="ignore"):  # a hostile log's values overflow when squared
         earth = place.find(recording)
         found = axes.fits(recording)
+        unit = axes.unit(recording, found)
         return (
             *units.doubts(recording, earth),
+            # by a wrong unit, motion is not what it seems
+            *(motion.doubts(recording) if unit is None else [unit]),
             *axes.doubts(recording, found),
             *frames.doubts(recording, earth, found),
         )

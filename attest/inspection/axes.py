@@ -39,16 +39,16 @@ def fits(recording: Recording) -> dict[str, Fit]:
     return {name: fit for name, fit in found.items() if fit is not None}
 
 
+def unit(recording: Recording, found: Mapping[str, Fit]) -> Note | None:
+    """Doubt the gyroscope's unit, by what turns with it or else by what no vehicle survives."""
+    scale = _scale(found)
+    return units.too_fast(recording) if scale is None else _of_scale(recording, scale)
+
+
 def doubts(recording: Recording, found: Mapping[str, Fit]) -> Iterator[Note]:
-    """Yield what does not fit: the gyroscope's unit or axes, or else what turns otherwise."""
-    wrong = {name: fit for name, fit in found.items() if fit.as_read < FITS and fit.best > CLEAR}
-    right = [name for name, fit in found.items() if fit.as_read >= FITS and fit.shared]
-    scale = next((fit for fit in wrong.values() if not right and _scaled(fit)), None)
-    if scale is not None:
-        yield _of_scale(recording, scale)
-    elif (fast := units.too_fast(recording)) is not None:
-        yield fast
-    turned = {name: fit for name, fit in wrong.items() if not fit.shared}
+    """Yield what does not fit: the gyroscope's axes, or else what turns otherwise."""
+    right = _right(found)
+    turned = {name: fit for name, fit in _wrong(found).items() if not fit.shared}
     mirrored = [fit for fit in turned.values() if _mirrored(fit)]
     agreed = [] if right or len(turned) < 2 or not _same(turned) else list(turned.values())
     if mirrored or agreed:
@@ -57,8 +57,23 @@ def doubts(recording: Recording, found: Mapping[str, Fit]) -> Iterator[Note]:
     for name, fit in turned.items():
         if name != "reference":
             yield _of_vector(name, fit, right)
-    if scale is None:
+    if _scale(found) is None:
         yield from references.doubts(recording, found)
+
+
+def _wrong(found: Mapping[str, Fit]) -> dict[str, Fit]:
+    return {name: fit for name, fit in found.items() if fit.as_read < FITS and fit.best > CLEAR}
+
+
+def _right(found: Mapping[str, Fit]) -> list[str]:
+    return [name for name, fit in found.items() if fit.as_read >= FITS and fit.shared]
+
+
+def _scale(found: Mapping[str, Fit]) -> Fit | None:
+    """Return a fit that asks for another scale of the gyroscope, where none is right as read."""
+    if _right(found):
+        return None
+    return next((fit for fit in _wrong(found).values() if _scaled(fit)), None)
 
 
 def _scaled(fit: Fit) -> bool:

