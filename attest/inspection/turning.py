@@ -23,9 +23,9 @@ Array = NDArray[np.float64]
 Cells = tuple[Array, Array]
 """Change of the vector by cell (3 n,), and the integrals of the 12 unknowns (3 n, 12)."""
 
-BLOCK = 1000
+BLOCK = 2000
 """Samples in a row that are taken or left together."""
-MOST_BLOCKS = 20
+MOST_BLOCKS = 10
 """Of the blocks, those with the most motion are taken."""
 PERIOD_STAMPS = 1_000
 FINEST = 0.01
