@@ -22,6 +22,8 @@ _FLOATS = {7: "f4", 8: "f8"}
 _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", **_FLOATS}
 """Types of a cloud's fields."""
 _NAMES = ("marker_name", "name", "id", "marker_index", "index")
+USE_INDEX = 1
+"""Of mocap4r2_msgs' id_type: a marker's name is its index, and the other one is empty."""
 _PLACES = ("translation", "position", "pose.position", "point")
 
 
@@ -32,9 +34,12 @@ def points(table: Table, notes: list[Note]) -> tuple[list[Offer], int]:
     """
     take = _taker(table.type)
     parts: dict[str, list[tuple[Ints, Array]]] = {}
-    hidden = 0
+    hidden = nameless = 0
     for group in table.groups:
         for name, rows, place in take(group):
+            if not name:
+                nameless += len(rows)
+                continue
             seen = np.isfinite(place).all(axis=1)
             hidden += int((~seen).sum())
             parts.setdefault(name, []).append((rows[seen], place[seen]))
@@ -42,6 +47,8 @@ def points(table: Table, notes: list[Note]) -> tuple[list[Offer], int]:
                 notes.append(Note(f"{table.topic} has over {MOST_POINTS} points: not feature "
                                   "points, not used"))  # fmt: skip
                 return [], 0
+    if nameless:
+        notes.append(Note(f"{table.topic} point without a name: not used", nameless))
     if not _named(table) and len({_count(group) for group in table.groups}) > 1:
         text = f"{table.topic} has now more, now fewer points and no names for them: not used"
         notes.append(Note(text))
@@ -54,6 +61,11 @@ def _offer(table: Table, name: str, parts: list[tuple[Ints, Array]], notes: list
     y = np.concatenate([place for _, place in parts])
     order = np.argsort(rows, kind="stable")
     rows, y = rows[order], y[order]
+    once = ~np.isin(rows, rows[1:][np.diff(rows) == 0])
+    if not once.all():
+        text = f"{table.topic} has several points named {name!r} in one message: dropped"
+        notes.append(Note(text, int((~once).sum())))
+        rows, y = rows[once], y[once]
     if "vicon" in table.type and len(y) and np.median(np.linalg.norm(y, axis=1)) > MILLIMETRES:
         notes.append(Note(f"{table.topic} in millimetres, by its size", doubt=True))
         y = y * 1e-3
@@ -72,7 +84,7 @@ def _taker(type_: str) -> Callable[[Group], Iterator[Part]]:
         return _cloud
     if type_ == "geometry_msgs/msg/PoseArray":
         return _poses
-    return _markers
+    return _lists if PurePosixPath(type_).name == "MarkersList" else _markers
 
 
 def _named(table: Table) -> bool:
@@ -103,14 +115,55 @@ def _markers(group: Group) -> Iterator[Part]:
     """Take markers by whatever their message calls name and place."""
     for i in range(group.length("markers")):
         path = f"markers.{i}"
-        name = next((n for n in _NAMES if group.has(f"{path}.{n}")), None)
         place = next((p for p in _PLACES if group.has(f"{path}.{p}.x")), None)
-        if name is None or place is None:
+        if place is None:
             return
         xyz = group.vector(f"{path}.{place}")
         xyz[_unseen(group, path)] = np.nan
-        for text, rows in _texts(group, f"{path}.{name}"):
+        for text, rows in _names(group, path):
             yield text, group.rows[rows], xyz[rows]
+
+
+def _lists(group: Group) -> Iterator[Part]:
+    """Take markers of vicon_receiver: lists of x, y, z, and of the numbers they go by."""
+    if not all(group.has(name) for name in ("x", "y", "z", "indices")):
+        return
+    x, y, z, indices = (_rows(group, name) for name in ("x", "y", "z", "indices"))
+    if not x.shape == y.shape == z.shape == indices.shape:
+        return
+    xyz = np.stack([x, y, z], axis=2)
+    for number in np.unique(indices)[: MOST_POINTS + 1]:
+        at, place = np.nonzero(indices == number)
+        yield f"{number:g}", group.rows[at], xyz[at, place]
+
+
+def _rows(group: Group, path: str) -> Array:
+    return group.numbers(path).reshape(len(group.rows), -1).astype(np.float64)
+
+
+def _names(group: Group, path: str) -> Iterator[tuple[str, Ints]]:
+    """Yield the different names of a marker, behind its subject's, and which rows have each."""
+    subjects = [("", np.arange(len(group.rows)))]
+    if group.has(f"{path}.subject_name"):
+        subjects = _texts(group, f"{path}.subject_name")
+    for name, rows in _own_names(group, path):
+        for subject, others in subjects:
+            both = np.intersect1d(rows, others, assume_unique=True)
+            if len(both):
+                yield f"{subject}/{name}" if subject and name else name, both
+
+
+def _own_names(group: Group, path: str) -> Iterator[tuple[str, Ints]]:
+    held = [name for name in _NAMES if group.has(f"{path}.{name}")]
+    if "marker_index" in held and group.has(f"{path}.id_type"):
+        by_index = group.numbers(f"{path}.id_type") == USE_INDEX
+        for key, mine in (("marker_index", by_index), ("marker_name", ~by_index)):
+            if key in held:
+                yield from (
+                    (name, rows[mine[rows]]) for name, rows in _texts(group, f"{path}.{key}")
+                )
+    elif held:
+        yield from _texts(group, f"{path}.{held[0]}")
 
 
 def _unseen(group: Group, path: str) -> NDArray[np.bool_]:

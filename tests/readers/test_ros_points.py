@@ -116,15 +116,17 @@ def test_markers_of_a_display(tmp_path, kind):
         assert_array_equal(signal.t, START + np.array(T)[seen])
 
 
+VICON_BRIDGE = {
+    "vicon_bridge__Marker": "string marker_name\nstring subject_name\nstring segment_name\n"
+    "geometry_msgs/Point translation\nbool occluded\n",
+    "vicon_bridge__Markers": "std_msgs/Header header\nuint32 frame_number\n"
+    "vicon_bridge/Marker[] markers\n",
+}
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_markers_of_motion_capture_by_their_own_definitions(tmp_path, kind):
-    definitions = {
-        "vicon_bridge__Marker": "string marker_name\nstring subject_name\nstring segment_name\n"
-        "geometry_msgs/Point translation\nbool occluded\n",
-        "vicon_bridge__Markers": "std_msgs/Header header\nuint32 frame_number\n"
-        "vicon_bridge/Marker[] markers\n",
-    }
-    log = flight(Log(kind, **definitions))
+    log = flight(Log(kind, **VICON_BRIDGE))
     for i, t in enumerate(T):
         markers = [
             {
@@ -141,6 +143,88 @@ def test_markers_of_motion_capture_by_their_own_definitions(tmp_path, kind):
     assert_allclose(recording.signals["point1"].y, [place(i, 2) for i in seen])
     assert_allclose(recording.signals["point2"].y, [place(i, 1) for i in range(10)])
     assert "/vicon/markers in millimetres, by its size" in texts(recording)
+
+
+MOCAP4R2 = {
+    "mocap4r2_msgs__Marker": "int8 USE_NAME=0\nint8 USE_INDEX=1\nint8 USE_BOTH=2\n\nint8 id_type\n"
+    "int32 marker_index\nstring marker_name\ngeometry_msgs/Point translation\n",
+    "mocap4r2_msgs__Markers": "std_msgs/Header header\nuint32 frame_number\n"
+    "mocap4r2_msgs/Marker[] markers\n",
+}
+
+
+@pytest.mark.parametrize("kind", ["mcap", "db3"])
+@pytest.mark.parametrize(
+    ("form", "names", "called"),
+    [
+        (0, ({"marker_name": "nose"}, {"marker_name": "tail"}), ("nose", "tail")),
+        (1, ({"marker_index": 2}, {"marker_index": 10}), ("2", "10")),
+        (
+            2,
+            ({"marker_index": 5, "marker_name": "a"}, {"marker_index": 4, "marker_name": "b"}),
+            ("a", "b"),
+        ),
+    ],
+)
+def test_markers_of_mocap4r2_go_by_name_or_index_as_they_say(tmp_path, kind, form, names, called):
+    log = flight(Log(kind, **MOCAP4R2))
+    for i, t in enumerate(T):
+        markers = [{"id_type": form, "translation": xyz(*place(i, k)), **name}
+                   for k, name in enumerate(names)][:: -1 if i % 2 else 1]  # fmt: skip
+        log.add("/markers", "mocap4r2_msgs/msg/Markers", t, frame_number=i, markers=markers)
+    recording = read(log, tmp_path)
+    for k in range(2):
+        assert_array_equal(recording.signals[f"point{k + 1}"].y, [place(i, k) for i in range(10)])
+        assert_array_equal(recording.signals[f"point{k + 1}"].t, START + np.array(T))
+    text = f"feature points from /markers: point1 {called[0]!r}, point2 {called[1]!r}"
+    assert text in texts(recording)
+
+
+def test_older_markers_of_mocap4r2_are_read_too(tmp_path):
+    definitions = MOCAP4R2 | {
+        "mocap4r2_msgs__Marker": "int64 index\ngeometry_msgs/Point translation\n"
+    }
+    log = flight(Log("mcap", **definitions))
+    for i, t in enumerate(T):
+        markers = [{"index": k, "translation": xyz(*place(i, k))} for k in (3, 1)]
+        log.add("/markers", "mocap4r2_msgs/msg/Markers", t, markers=markers)
+    recording = read(log, tmp_path)
+    assert_array_equal(recording.signals["point1"].y, [place(i, 1) for i in range(10)])
+    assert_array_equal(recording.signals["point2"].y, [place(i, 3) for i in range(10)])
+
+
+def test_lists_of_vicon_receiver(tmp_path):
+    text = "float64[] x\nfloat64[] y\nfloat64[] z\nint32[] indices\nint32 frame_number\n"
+    log = flight(Log("mcap", vicon_receiver__MarkersList=text))
+    for i, t in enumerate(T):
+        seen = [k for k in (7, 2) if k != i][:: -1 if i % 3 else 1]
+        x, y, z = 1000.0 * np.array([place(i, k) for k in seen]).T.copy()
+        log.add("/vicon/markers", "vicon_receiver/msg/MarkersList", t,
+                x=x, y=y, z=z, indices=seen)  # fmt: skip
+    recording = read(log, tmp_path)
+    for name, k in (("point1", 2), ("point2", 7)):
+        seen = [i for i in range(10) if i != k]
+        assert_allclose(recording.signals[name].y, [place(i, k) for i in seen])
+        assert len(recording.signals[name].t) == 9
+
+
+def test_markers_of_two_subjects_with_the_same_names_are_told_apart(tmp_path):
+    log = flight(Log("bag", **VICON_BRIDGE))
+    for i, t in enumerate(T):
+        markers = [
+            {"marker_name": "m1", "subject_name": subject, "translation": xyz(*place(i, k))}
+            for k, subject in enumerate(("ship", "buoy"))
+        ]
+        stray = [{"translation": xyz(9, 9, 9)}, {"marker_name": "m2", "translation": xyz(8, 8, 8)}]
+        log.add("/vicon/markers", "vicon_bridge/msg/Markers", t,
+                markers=[*markers, *stray, stray[1]])  # fmt: skip
+    recording = read(log, tmp_path)
+    assert_array_equal(recording.signals["point1"].y, [place(i, 1) for i in range(10)])
+    assert_array_equal(recording.signals["point2"].y, [place(i, 0) for i in range(10)])
+    assert sum(name.startswith("point") for name in recording.signals) == 2
+    told = texts(recording)
+    assert told["/vicon/markers point without a name: not used"] == 10
+    assert told["/vicon/markers has several points named 'm2' in one message: dropped"] == 20
 
 
 def test_points_of_the_topic_that_is_named(tmp_path):
