@@ -17,6 +17,10 @@ Kind = Literal["truth", "autopilot"]
 """``truth``: motion capture or simulator. ``autopilot``: an on-board estimate, same sensors."""
 
 
+Subject = Literal["up", "field strength"]
+"""``up``: which way the accelerometer says is up. ``field strength``: the magnetometer's length."""
+
+
 def seconds(t: NDArray[np.int64], origin: int) -> NDArray[np.float64]:
     """Return nanoseconds as seconds from an origin, exact to their last digit for months."""
     return np.asarray((t - origin) * 1e-9, np.float64)
@@ -32,6 +36,8 @@ class Note:
     """How many times."""
     doubt: bool = False
     """Whether the result should be read with care because of it (shown as a warning)."""
+    about: Subject | None = None
+    """What it is about, where others would tell the same: they look here, not at the text."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -132,5 +132,7 @@ def _world(given: World | None, signals: dict[str, Signal], notes: list[Note]) -
         return given
     notes.append(Note("world axes not declared: north-east-down and body forward-right-down taken"))
     if "accel" in signals and np.median(signals["accel"].y[:, 2]) > 5.0:
-        notes.append(Note("accel_z is up, as in a body with z up: try --world enu", doubt=True))
+        notes.append(
+            Note("accel_z is up, as in a body with z up: try --world enu", doubt=True, about="up")
+        )
     return "ned"

@@ -98,7 +98,7 @@ def _world(offers: Sequence[Offer], main: Offer, options: ReadOptions, notes: li
     accel = [offer.y for offer in offers if offer.role == "accel" and offer.topic == main.topic]
     if accel and np.nanmedian(accel[0][:, 2]) < -5.0:
         notes.append(Note("accel_z is down: the sensor is upside down, or its driver does not keep "
-                          "to REP-103: try --world ned", doubt=True))  # fmt: skip
+                          "to REP-103: try --world ned", doubt=True, about="up"))  # fmt: skip
     return "enu"
 
 

@@ -24,5 +24,5 @@ def in_tesla(mag: Offer, notes: list[Note]) -> Offer:
             notes.append(Note(text, doubt=True))
             return replace(mag, y=mag.y * factor)
     text = f"{mag.topic} reads {strength:.3g}, no strength of the Earth's field: direction only"
-    notes.append(Note(text))
+    notes.append(Note(text, about="field strength"))
     return mag

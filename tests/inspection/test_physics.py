@@ -9,7 +9,7 @@ from flights import FIELD, flight, gyro, recording, resting, seen, stamps, tumbl
 from attest import inspection, readers, simulation
 from attest.geometry import quaternion
 from attest.inspection import axes
-from attest.recording import Reference, Signal
+from attest.recording import Note, Reference, Signal
 
 DEGREES = 180.0 / np.pi
 G = 9.80665
@@ -196,6 +196,16 @@ def test_field_far_from_the_model_is_not_calibrated():
     log = turned(flight(), "mag", 1.8)
     (text,) = told(log)
     assert text.endswith("not calibrated, or disturbed")
+
+
+def test_what_a_reader_has_told_is_not_told_again():
+    weak = turned(flight(), "mag", 1e-9)
+    assert len(told(weak)) == 1
+    said = Note("in words of its own", about="field strength")
+    assert told(replace(weak, notes=(said,))) == []
+    below = turned(without(flight(resting), "mag"), "accel", -1.0)
+    assert [text[:13] for text in told(below)] == ["accel_z is up"]
+    assert told(replace(below, notes=(replace(said, about="up"),))) == []
 
 
 def test_gravity_that_is_a_little_off_is_a_scale():
