@@ -102,6 +102,8 @@ class Recording:
     """Who sent it, in words."""
     world: World = "ned"
     body: Literal["frd", "flu"] = "frd"
+    declination: float | None = None
+    """How far magnetic north is east of true north, rad, as the vehicle was told; None: not."""
     restarts: tuple[int, ...] = ()
     """Times at which the log's own clock started anew (reboot), on the recording's clock, ns."""
     notes: tuple[Note, ...] = ()

@@ -20,6 +20,7 @@ KINDS = {
     "SIM": ("QccCfLL", "TimeUS,Roll,Pitch,Yaw,Alt,Lat,Lng"),
     "GPS": ("QBBIHLLefff", "TimeUS,I,Status,GMS,GWk,Lat,Lng,Alt,Spd,GCrs,VZ"),
     "POS": ("QLLf", "TimeUS,Lat,Lng,Alt"),
+    "PARM": ("QNff", "TimeUS,Name,Value,Default"),
     "MSG": ("QZ", "TimeUS,Message"),
     "UNIT": ("QbZ", "TimeUS,Id,Label"),
     "MULT": ("Qbd", "TimeUS,Id,Mult"),

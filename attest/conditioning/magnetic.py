@@ -32,9 +32,13 @@ def field(recording: Recording) -> tuple[Array, list[Note]] | None:
     return _to_world(ned, recording.world), [Note(text), *notes]
 
 
-def north(dip: float, world: World) -> Array:
-    """Return the unit vector to magnetic north with a dip, rad, in the world, shape (3,)."""
-    return _to_world(np.array([np.cos(dip), 0.0, np.sin(dip)]), world)
+def north(dip: float, world: World, declination: float = 0.0) -> Array:
+    """Return the unit vector to magnetic north with a dip, rad, in the world, shape (3,).
+
+    Without the declination, rad, the world's north is the magnetic one.
+    """
+    east, level = np.sin(declination), np.cos(declination)
+    return _to_world(np.array([np.cos(dip) * level, np.cos(dip) * east, np.sin(dip)]), world)
 
 
 def dip_of(field_w: Array, world: World) -> float:

@@ -47,18 +47,7 @@ def _direction(
 ) -> tuple[Array, list[Note]]:
     """Return the field's direction in the world, shape (3,)."""
     if model is None:
-        if reference == "magnetic":
-            raise ReadError(
-                f"{recording.path}: no position, which 'magnetic' needs. "
-                "Use 'reference: north' for 'mag'."
-            )
-        if dip is None:
-            told = "dip taken as 0, since no vertical tells it"
-        else:
-            told = f"dip {np.rad2deg(dip):+.1f}° as in the log"
-        doubt = reference is None or dip is None
-        note = Note(f"magnetic reference: magnetic north, {told}", doubt=doubt)
-        return magnetic.north(dip or 0.0, recording.world), [note]
+        return _north(recording, dip, reference)
     field_w, notes = model
     modelled = magnetic.dip_of(field_w, recording.world)
     if dip is None or abs(np.rad2deg(dip - modelled)) <= magnetic.DIP_TOLERANCE_DEG:
@@ -68,6 +57,28 @@ def _direction(
         f"{np.rad2deg(modelled):+.1f}°: the log's is used, and its heading is doubtful"
     )
     return magnetic.with_dip(field_w, dip, recording.world), [*notes, Note(text, doubt=True)]
+
+
+def _north(
+    recording: Recording, dip: float | None, reference: str | None
+) -> tuple[Array, list[Note]]:
+    """Return magnetic north: east of the world's by the declination, where the log tells it."""
+    declination = None if reference == "north" else recording.declination
+    if reference == "magnetic" and declination is None:
+        raise ReadError(
+            f"{recording.path}: no position, which 'magnetic' needs. "
+            "Use 'reference: north' for 'mag'."
+        )
+    if dip is None:
+        told = "dip taken as 0, since no vertical tells it"
+    else:
+        told = f"dip {np.rad2deg(dip):+.1f}° as in the log"
+    north = "magnetic north"
+    if declination is not None:
+        north += f", {np.rad2deg(declination):+.1f}° east of true north by the log's COMPASS_DEC"
+    doubt = dip is None or (reference is None and declination is None)
+    note = Note(f"magnetic reference: {north}, {told}", doubt=doubt)
+    return magnetic.north(dip or 0.0, recording.world, declination or 0.0), [note]
 
 
 def _dip_of_log(mag: Measured, before: list[Measured], world: World) -> float | None:

@@ -14,7 +14,7 @@ from attest.readers.dataflash_format import FMT, FMT_FORMAT, Damage, Mask, Scan,
 from attest.readers.dataflash_signals import ATTITUDES, Array, Stream
 from attest.readers.dataflash_timeline import Timeline, timeline
 from attest.readers.options import ReadOptions
-from attest.readers.values import usable
+from attest.readers.values import declination, usable
 from attest.recording import Note, Recording, Reference, Signal
 
 VELOCITY = ("XKF1", "NKF1", "GPS")
@@ -63,6 +63,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
         references=_references(log),
         clock=line.clock,
         vehicle=_vehicle(scan),
+        declination=_declination(scan),
         restarts=line.restarts,
         notes=tuple(dict.fromkeys(notes)),
         details={
@@ -198,6 +199,13 @@ def _references(log: _Log) -> dict[str, Reference]:
                 turned = quaternion.continuous(q[rows])
                 found[stream.label] = Reference(stream.label, kind, t, turned)
     return found
+
+
+def _declination(scan: Scan) -> float | None:
+    columns = scan.tables["PARM"].columns if "PARM" in scan.tables else {}
+    if not {"Name", "Value"} <= columns.keys():
+        return None
+    return declination(columns["Name"], columns["Value"])
 
 
 def _vehicle(scan: Scan) -> str:

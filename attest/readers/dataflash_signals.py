@@ -76,7 +76,7 @@ ATTITUDES = {
 """By family of messages."""
 WANTED = {
     *ATTITUDES, *FAMILIES, *(name for names in FAMILIES.values() for name in names), "POS", "MSG",
-    "VER",
+    "PARM", "VER",
 }  # fmt: skip
 
 

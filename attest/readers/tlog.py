@@ -18,11 +18,13 @@ from attest.readers.mavlink_signals import ATTITUDES, INERTIAL
 from attest.readers.mavlink_timeline import NOW, Timeline, timeline
 from attest.readers.mavlink_vehicle import ARDUPILOT, Sender
 from attest.readers.options import ReadOptions
+from attest.readers.values import declination
 from attest.recording import Note, Recording, Reference, Signal
 
 VELOCITY = ("LOCAL_POSITION_NED", "GLOBAL_POSITION_INT")
 POSITION = ("GLOBAL_POSITION_INT", "GPS_RAW_INT")
-WANTED = {*INERTIAL, *ATTITUDES, *NOW, *VELOCITY, *POSITION, "SYSTEM_TIME", "HEARTBEAT"}
+WANTED = {*INERTIAL, *ATTITUDES, *NOW, *VELOCITY, *POSITION, "SYSTEM_TIME", "HEARTBEAT",
+          "PARAM_VALUE"}  # fmt: skip
 
 
 def recognises(head: bytes, path: Path) -> bool:  # noqa: ARG001 (others look at the path)
@@ -60,6 +62,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
         references=_references(log),
         clock=line.clock,
         vehicle=str(vehicle),
+        declination=_declination(own),
         restarts=line.restarts,
         notes=_counted(notes),
         details=_details(scan, senders, vehicle),
@@ -234,6 +237,13 @@ def _source(log: _Log, name: str) -> tuple[Table, bool] | None:
     number = Counter(table.sender.tolist()).most_common(1)[0][0]
     log.notes.append(Note(f"{name} taken from {number >> 8}/{number & 0xFF}", doubt=True))
     return table[table.sender == number], True
+
+
+def _declination(own: Mapping[str, Table]) -> float | None:
+    if "PARAM_VALUE" not in own:
+        return None
+    rows = own["PARAM_VALUE"].rows
+    return declination(rows["param_id"], rows["param_value"])
 
 
 def _counted(notes: list[Note]) -> tuple[Note, ...]:

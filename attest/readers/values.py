@@ -40,3 +40,12 @@ def usable(
     t, rows = times
     good = (held & finite & ~wild)[rows]
     return t[good], rows[good]
+
+
+def declination(names: NDArray[np.generic], values: NDArray[np.generic]) -> float | None:
+    """Return ArduPilot's parameter COMPASS_DEC, rad, the last of a log; 0 stands for none."""
+    known = "COMPASS_DEC" if names.dtype.kind == "U" else b"COMPASS_DEC"
+    if names.ndim != 1 or values.ndim != 1 or values.dtype.kind not in "iuf":
+        return None
+    told = values[names == known].astype(np.float64)
+    return float(told[-1]) if len(told) and 0.0 < abs(told[-1]) <= np.pi else None

@@ -20,7 +20,7 @@ from flights import (
 )
 from numpy.testing import assert_allclose, assert_array_equal
 
-from attest.conditioning import condition
+from attest.conditioning import condition, magnetic
 from attest.config import Conditioning, Input, SpecificForce, Vector
 from attest.errors import ConfigError, ReadError
 from attest.geometry import quaternion
@@ -298,6 +298,33 @@ def test_magnetic_north_with_the_logs_own_dip_where_there_is_no_place():
     told = next(note for note in notes if "magnetic north" in note.text)
     assert f"dip {np.rad2deg(dip):+.1f}° as in the log" in told.text
     assert told.doubt
+
+
+@pytest.mark.parametrize("reference", [None, "magnetic"])
+def test_a_declination_that_the_log_tells_is_used_where_there_is_no_place(reference):
+    log = replace(flight(duration=10.0), declination=-0.2)
+    config = settings([{"signal": "accel"}, {"signal": "mag", "reference": reference}])
+    samples, notes = condition(log, config)
+    dip = np.arctan2(FIELD[2], np.hypot(FIELD[0], FIELD[1]))
+    level = [np.cos(dip) * np.cos(0.2), -np.cos(dip) * np.sin(0.2), np.sin(dip)]
+    assert_allclose(samples.inertial[0, 1], level, atol=1e-3)
+    told = next(note for note in notes if "magnetic reference" in note.text)
+    assert told.text == (
+        "magnetic reference: magnetic north, -11.5° east of true north by the log's COMPASS_DEC, "
+        f"dip {np.rad2deg(dip):+.1f}° as in the log"
+    )
+    assert not told.doubt
+    assert_allclose(magnetic.north(dip, "enu", -0.2), [level[1], level[0], -level[2]], atol=1e-3)
+
+
+def test_a_declination_yields_to_a_place_and_to_north():
+    log = replace(flight(duration=10.0, utc=YEAR_2024), declination=-0.2)
+    samples, _ = condition(log, settings([{"signal": "accel"}, MAG]))
+    assert abs(samples.inertial[0, 1, 1]) < 1e-6
+    t = log.signals["gyro"].t
+    _, notes = condition(replace(log, signals={**log.signals, "position": place(t)}), settings())
+    assert "World Magnetic Model" in texts(notes)
+    assert "COMPASS_DEC" not in texts(notes)
 
 
 def test_north_that_was_asked_for_is_no_doubt():

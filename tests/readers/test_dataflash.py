@@ -182,3 +182,23 @@ def test_what_cannot_be_used_is_told_in_one_line(tmp_path, make, message):
     with pytest.raises(ReadError) as error:
         read(tmp_path, make())
     assert str(error.value) == f"{tmp_path / 'flight.BIN'}: {message}"
+
+
+@pytest.mark.parametrize("form", ["flight.BIN", "flight.log"])
+@pytest.mark.parametrize(
+    ("values", "declination"), [((0.0, 0.0625), 0.0625), ((0.1, -0.25), -0.25), ((0.1, 0.0), None),
+                                ((np.nan,), None), ((100.0,), None), ((), None)]
+)  # fmt: skip
+def test_the_declination_is_the_last_that_the_vehicle_was_told(tmp_path, form, values, declination):
+    log = flight(TIMES)
+    for value in values:
+        log.add("PARM", 1, "COMPASS_DEC", value).add("PARM", 1, "COMPASS_OFS_X", 7.0)
+    data = bytes(log.data) if form.endswith("BIN") else log.text()
+    assert read(tmp_path, data, form).declination == declination
+
+
+def test_parameters_of_another_form_tell_nothing(tmp_path):
+    log = Log()
+    log.define("PARM", "QIf", "TimeUS,Name,Value")
+    log.add("PARM", 1, 5, 0.1)
+    assert read(tmp_path, flight(TIMES, log)).declination is None

@@ -49,6 +49,8 @@ def comparable(value):
     """A field's bits as something that equals itself, also where it is not a number."""
     if isinstance(value, list):
         return tuple(comparable(item) for item in value)
+    if isinstance(value, bytes):
+        return value.partition(b"\0")[0].decode("latin-1")  # as pymavlink gives it
     return "nan" if isinstance(value, float) and math.isnan(value) else value
 
 

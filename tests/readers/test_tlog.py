@@ -506,3 +506,18 @@ def test_a_loss_of_more_than_a_hundredth_is_a_warning(tmp_path):
         for log in (few, many)
     ]
     assert [(note.count, note.doubt) for note in told] == [(1, False), (50, True)]
+
+
+def parameter(name, value):
+    return mav.MAVLink_param_value_message(name.encode(), value, 9, 100, 1)
+
+
+def test_the_declination_is_the_last_that_the_vehicle_was_told(tmp_path):
+    log = Log()
+    log.add(parameter("COMPASS_DEC", 0.1), 100).add(parameter("COMPASS_OFS_X", 7.0), 100)
+    flight(BOOTS, log).add(parameter("COMPASS_DEC", 0.5), 110, sender=(2, 1))
+    assert log.read(tmp_path).declination == pytest.approx(0.1)
+    assert log.add(parameter("COMPASS_DEC", -0.2), 110).read(tmp_path).declination == (
+        pytest.approx(-0.2)
+    )
+    assert log.add(parameter("COMPASS_DEC", 0.0), 110).read(tmp_path).declination is None
