@@ -17,7 +17,8 @@ class Samples:
     t: NDArray[np.int64]
     """Nanoseconds on the recording's clock, strictly increasing, shape (n,)."""
     gyro: NDArray[np.float64]
-    """Measured angular velocity, rad/s, body, (n, 3); NaN where feature points stand alone."""
+    """Angular velocity over the step that begins here, measured and corrected by what conditioning
+    knew of the gyroscope's errors, rad/s, body, (n, 3); NaN where feature points stand alone."""
     body: NDArray[np.float64]
     """Measured unit vectors u_i in the body, shape (n, k, 3); a guess where not valid. Differences
     of feature points keep their length, in units of the longest one of the model."""
@@ -38,3 +39,22 @@ class Samples:
     """Control torque in the body, N·m, shape (n, 3), where the log has it."""
     field: NDArray[np.float64] | None = None
     """The magnetic model's field in the world, tesla, shape (3,), where the log has a place."""
+    measured: NDArray[np.float64] | None = None
+    """Unit vectors in the body before they were smoothed, shape (n, k, 3); None where `body` is."""
+    world: str = "ned"
+    """Axes of the world in which the inertial vectors are, ned or enu."""
+    mean: NDArray[np.float64] | None = None
+    """Mean angular velocity over each step, rad/s, (n, 3); None: that of its two ends."""
+    rate: NDArray[np.float64] | None = None
+    """Angular velocity at the stamps, corrected alike, rad/s, (n, 3); None where it is `gyro`."""
+    bias: NDArray[np.float64] | None = None
+    """Bias that conditioning took off, rad/s, shape (n, 3); None where it took none."""
+
+
+def mean_rates(samples: Samples) -> NDArray[np.float64]:
+    """Return the mean angular velocity over each step, rad/s, shape (n, 3)."""
+    if samples.mean is not None:
+        return samples.mean
+    gyro = samples.gyro
+    mean: NDArray[np.float64] = 0.5 * (gyro + np.concatenate([gyro[1:], gyro[-1:]]))
+    return mean

@@ -66,13 +66,12 @@ ESTIMATES = {
 }
 """Largest difference of the estimated attitude from that of the unrounded flight, degrees."""
 GOLDEN = {
-    "quadcopter.tlog": 1.3286,
-    "quadcopter.BIN": 1.3275,
-    "quadcopter.ulg": 1.3297,
-    # the weights are of the world's axes, whose first two change places: 1.2 is east, not north
-    "quadcopter.bag": 1.3293,
-    "quadcopter_ros2": 1.3293,
-    "quadcopter.csv": 1.3297,
+    "quadcopter.tlog": 1.2238,
+    "quadcopter.BIN": 1.2275,
+    "quadcopter.ulg": 1.2265,
+    "quadcopter.bag": 1.2265,
+    "quadcopter_ros2": 1.2265,
+    "quadcopter.csv": 1.2266,
 }
 """Total RMSE, degrees, with the defaults."""
 BODY = np.diag([1.0, -1.0, -1.0])
@@ -90,11 +89,6 @@ def run(sample_logs):
     return cache(
         lambda name, *sets: pipeline.run(sample_logs / name, pipeline.configure("fts", sets))
     )
-
-
-def ned_weights(name):
-    """Return assignments that give an ENU log the weights that the defaults give a NED log."""
-    return ("weights.k=[1.0,1.2,30.0]",) if RESOLUTION[name]["mag"] == 5e-14 else ()
 
 
 def signal_in_ned(recording, name):
@@ -150,7 +144,7 @@ def test_the_truth_is_the_flights(name, flight, sample_logs):
 
 @pytest.mark.parametrize("name", LOGS)
 def test_estimates_are_the_same_within_the_formats_resolution(name, run):
-    exact, other = run("quadcopter.csv"), run(name, *ned_weights(name))
+    exact, other = run("quadcopter.csv"), run(name)
     assert_array_equal(utc(exact.recording, exact.estimates.t),
                        utc(other.recording, other.estimates.t))  # fmt: skip
     R, S = (matrices_in_ned(one.recording, one.estimates.q) for one in (exact, other))

@@ -1,12 +1,16 @@
 """The stages of conditioning, in order."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from attest.conditioning import frame, points
 from attest.conditioning.accelerometer import accelerometer
+from attest.conditioning.gyroscope import rates as gyroscope_rates
 from attest.conditioning.magnetometer import magnetometer
 from attest.conditioning.measured import Measured, carried, usable
+from attest.conditioning.smoothing import smooth
 from attest.conditioning.timeline import (
     SECOND,
     Timeline,
@@ -39,7 +43,9 @@ def condition(recording: Recording, config: Configuration) -> tuple[Samples, tup
     restart, gaps = restarts(recording, gyro.t, config.conditioning)
     substeps, slow = substeps_of(gyro.t, restart, config.conditioning.max_step_s)
     notes += gaps + slow
-    recording, line = apart(recording, gyro, restart)
+    rates, told = gyroscope_rates(recording, gyro, restart, substeps, config.conditioning)
+    notes += told
+    recording, line = apart(recording, replace(gyro, y=rates.at), rates.mean, restart)
     wanted = _vectors(recording, config)
     found: dict[str, Measured] = {}
     # the magnetometer last: its dip may be told by any of the others
@@ -49,10 +55,19 @@ def condition(recording: Recording, config: Configuration) -> tuple[Samples, tup
         notes += told
     torque, told = _torque(recording, line, config.conditioning)
     notes += told
+    field = found["mag"].field if "mag" in found else None
+    measured = _stack([found[vector.signal].body for vector in wanted], len(gyro.t))
+    found, told = smooth(found, line, restart, config.conditioning)
+    notes += told
     vectors = [found[vector.signal] for vector in wanted]
     samples = Samples(
         t=gyro.t,
-        gyro=gyro.y,
+        gyro=rates.over,
+        measured=measured,
+        world=recording.world,
+        mean=rates.mean,
+        rate=rates.at,
+        bias=rates.bias,
         body=_stack([vector.body for vector in vectors], len(gyro.t)),
         inertial=_stack([vector.inertial for vector in vectors], 1),
         valid=_valid(vectors, len(gyro.t)),
@@ -61,7 +76,7 @@ def condition(recording: Recording, config: Configuration) -> tuple[Samples, tup
         restart=restart,
         length=np.stack([v.length for v in vectors], axis=1) if vectors else None,
         torque=torque,
-        field=found["mag"].field if "mag" in found else None,
+        field=field,
     )
     return samples, (*notes, *_unobservable(samples.names, recording))
 

@@ -17,17 +17,30 @@ Stamps = NDArray[np.int64]
 NEVER = np.iinfo(np.int64).max
 
 
-def integrate(t: Stamps, gyro: Array, restart: NDArray[np.bool_] | None = None) -> Array:
+def integrate(t: Stamps, mean: Array, restart: NDArray[np.bool_] | None = None) -> Array:
     """Return the gyroscope's frame at its stamps, body to frame, shape (n, 4).
 
-    It stands still over the step to a restart, of which the gyroscope tells nothing.
+    Parameters
+    ----------
+    t : shape (n,)
+        Nanoseconds.
+    mean : shape (n, 3)
+        Mean rate over the step that begins at each stamp, rad/s.
+    restart : shape (n,)
+        Steps that nothing before them tells of; the frame stands still over the step to one.
     """
     h = np.diff(t) * 1e-9
     if restart is not None:
         h[restart[1:]] = 0.0
     D = np.empty((len(t), 4))
-    so3.integrate(h, gyro, D)
+    so3.integrate(h, mean, D)
     return D
+
+
+def mean_of_ends(y: Array) -> Array:
+    """Return the mean of each row of (n, 3) and the next; the last row itself."""
+    mean: Array = 0.5 * (y + np.concatenate([y[1:], y[-1:]]))
+    return mean
 
 
 def at(t: Stamps, D: Array, when: Stamps) -> Array:

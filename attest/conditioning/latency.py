@@ -21,8 +21,8 @@ SPACING = 0.2
 LONGEST = 1.0
 """Greatest time between the samples that are compared, s: the gyroscope's bias must not show."""
 MOST_SAMPLES = 20_000
-GAIN = 0.9
-"""The misfit must fall to this share of what it is without latency, or none is believed."""
+SURE = 5.0
+"""Standard deviations that a latency must be from none to be believed."""
 
 
 def find(t: Stamps, D: Array, stamps: Stamps, y: Array) -> float:
@@ -47,7 +47,9 @@ def find(t: Stamps, D: Array, stamps: Stamps, y: Array) -> float:
         misfit[k] = np.sum(np.diff(fixed, axis=0)[near] ** 2)
     best = int(np.argmin(misfit))
     without = misfit[int(np.argmin(np.abs(LATENCIES)))]
-    if best in {0, len(LATENCIES) - 1} or misfit[best] > GAIN * without:
+    # of residuals without correlation, the misfit falls by the square of the deviations
+    sure = without - misfit[best] > SURE**2 * misfit[best] / (3 * near.sum())
+    if best in {0, len(LATENCIES) - 1} or not sure:
         return 0.0
     found = LATENCIES[best] + lowest(misfit[best - 1 : best + 2]) * (LATENCIES[1] - LATENCIES[0])
     return max(0.0, float(found))

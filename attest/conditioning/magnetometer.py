@@ -29,7 +29,9 @@ def magnetometer(
     if late is None:
         late = latency.find(line.t, line.D, signal.t, signal.y)
     if late > 0.0:
-        notes.append(Note(f"magnetometer {late:.2f} s late against the gyroscope: put right"))
+        notes.append(
+            Note(f"magnetometer {1e3 * late:.0f} ms late against the gyroscope: put right")
+        )
         signal = Signal(signal.t - round(late * SECOND), signal.y, signal.source)
     body = carried(line, signal, np.array([[1.0, 0.0, 0.0]]), config)
     model = None if reference == "north" else magnetic.field(recording)

@@ -62,14 +62,14 @@ def gyroscope(recording: Recording, config: Configuration) -> tuple[Signal, list
 
 
 def apart(
-    recording: Recording, gyro: Signal, restart: NDArray[np.bool_]
+    recording: Recording, gyro: Signal, mean: Array, restart: NDArray[np.bool_]
 ) -> tuple[Recording, Timeline]:
     """Set the stretches between restarts far apart, so that nothing reaches from one to another.
 
     Neither smoothing nor interpolation nor a vector's age goes across a restart then; the clock of
-    what is returned is for conditioning only.
+    what is returned is for conditioning only. ``mean`` is the rate over each step.
     """
-    D = frame.integrate(gyro.t, gyro.y, restart)
+    D = frame.integrate(gyro.t, mean, restart)
     edges = gyro.t[restart][1:]
     if not len(edges):
         return recording, Timeline(gyro.t, gyro.y, D)

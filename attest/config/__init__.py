@@ -7,6 +7,7 @@ them.
 from attest.config.check import validate
 from attest.config.csv import Csv
 from attest.config.files import dump, effective, find, folder, override, read, shipped
+from attest.config.raw import RawConditioning
 from attest.config.section import Section
 from attest.config.settings import (
     Conditioning,
@@ -31,6 +32,7 @@ __all__ = [
     "Input",
     "Magnetometer",
     "PointsConfiguration",
+    "RawConditioning",
     "Section",
     "SpecificForce",
     "Vector",

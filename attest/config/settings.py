@@ -20,7 +20,8 @@ class Weights(Section):
     """Weights K of Wahba's cost."""
 
     k: Vector3 = (3.0, 2.0, 1.0)
-    """Along the world's axes; a turn about one axis feels the sum of the other two."""
+    """Along north, east and the vertical, whichever axes of the world these are; a turn about one
+    of them feels the sum of the other two."""
 
     @field_validator("k")
     @classmethod
@@ -83,8 +84,38 @@ class SpecificForce(Section):
     """How late the log's velocity is, s; null finds it from |a - g| and |accelerometer|."""
 
 
+class Gyroscope(Section):
+    """The gyroscope's own errors, as far as is known at each sample of what came before it."""
+
+    sample: Literal["ends", "begins"] = "ends"
+    """A sample is the mean rate over the step that ends at its stamp, as sensors measure it, or
+    holds over the step that begins there, as the papers' simulations have it."""
+    correct: bool = True
+    """Take off bias (told by rest), scale and misalignment (told by how gravity drifts in the frame
+    that the gyroscope integrates)."""
+    bias_std: Annotated[float, Field(ge=0, le=1)] = 0.03
+    """Standard deviation of the bias before anything is known of it, rad/s."""
+    scale_std: Annotated[float, Field(ge=0, le=0.1)] = 0.004
+    """Of scale and misalignment, 1."""
+
+
+class Smoothing(Section):
+    """Low-pass of directions in the frame that the gyroscope integrates."""
+
+    accel_s: Annotated[float | None, Field(gt=0, le=600)] = 3.0
+    """Time constant of the accelerometer where its reference is constant, s; null leaves it raw."""
+    mag_s: Annotated[float | None, Field(gt=0, le=600)] = 9.0
+    """Time constant of the magnetometer, s; null leaves it raw."""
+
+
 class Magnetometer(Section):
     """The magnetometer's own ways."""
+
+    decouple_tilt: bool = True
+    """Use only what is across the accelerometer's direction, so that it never corrects tilt."""
+    disturbance: Annotated[float | None, Field(gt=0)] = 0.12
+    """Difference from the field of before, as a share of its strength, at which a sample is half
+    believed; null believes each."""
 
     latency_s: Annotated[float | None, Field(ge=0, le=5)] = None
     """How late its values are against the gyroscope, s; null finds it from the log's turns."""
@@ -99,7 +130,9 @@ class Conditioning(Section):
     """How far a vector may be carried by the gyroscope from its nearest sample."""
     restart_gap_s: Annotated[float, Field(gt=0)] = 5.0
     """A gyroscope silent for longer than this makes the observer start anew."""
+    gyroscope: Gyroscope = Gyroscope()
     specific_force: SpecificForce = SpecificForce()
+    smoothing: Smoothing = Smoothing()
     magnetometer: Magnetometer = Magnetometer()
 
 

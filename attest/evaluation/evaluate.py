@@ -12,7 +12,7 @@ from attest.evaluation import errors, rates
 from attest.geometry import quaternion
 from attest.metrics import Metrics, Statistics
 from attest.recording import Note, Recording, Reference
-from attest.samples import Samples
+from attest.samples import Samples, mean_rates
 
 Array = NDArray[np.float64]
 
@@ -155,7 +155,10 @@ def _bias(
 def _true_bias(samples: Samples, q_ref: Array) -> Array | None:
     """Return the constant gyroscope bias that truth implies, rad/s, shape (3,)."""
     # what the observers integrate: the gyroscope held, or the mean of two ends if sub-stepped
-    ends = np.concatenate([samples.gyro[1:], samples.gyro[-1:]])
     divided = samples.substeps[:, np.newaxis] > 1
-    held = np.where(divided, 0.5 * (samples.gyro + ends), samples.gyro)
-    return rates.constant_bias(samples.t, held, q_ref)
+    held = np.where(divided, mean_rates(samples), samples.gyro)
+    found = rates.constant_bias(samples.t, held, q_ref)
+    if found is None or samples.bias is None:
+        return found
+    whole: Array = found + samples.bias.mean(axis=0)
+    return whole

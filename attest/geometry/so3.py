@@ -123,14 +123,13 @@ def normalize(q: Quaternion) -> Quaternion:
 
 
 @kernel
-def integrate(h: Array, gyro: Array, D: Array) -> None:
-    """Fill D (n, 4) with quaternions: D[0] = 1, D[i+1] = D[i] exp(h[i] (gyro[i] + gyro[i+1])/2)."""
+def integrate(h: Array, mean: Array, D: Array) -> None:
+    """Fill D (n, 4) with quaternions: D[0] = 1, D[i+1] = D[i] exp(h[i] mean[i])."""
     q = (1.0, 0.0, 0.0, 0.0)
     for i in range(len(D)):
         D[i, 0], D[i, 1], D[i, 2], D[i, 3] = q
         if i + 1 < len(D):
-            mean = scale(0.5 * h[i], add(row(gyro, i), row(gyro, i + 1)))
-            q = normalize(multiply(q, exp(mean)))
+            q = normalize(multiply(q, exp(scale(h[i], row(mean, i)))))
 
 
 @kernel

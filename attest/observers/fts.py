@@ -60,17 +60,17 @@ class Gains(Section):
 
     theorem = "[FTS, Theorem 1]"
 
-    k_p: Annotated[float, Field(gt=0)] = 0.2
+    k_p: Annotated[float, Field(gt=0)] = 0.3
     """Attitude gain. More follows the vectors, less the gyroscope."""
     k_v: Annotated[float, Field(gt=0)] = 3.0
     """Damping of the rate's error state omega."""
-    kappa: Annotated[float, Field(gt=0)] = 0.1
+    kappa: Annotated[float, Field(gt=0)] = 0.35
     """Finite-time coupling of residual into rate [1/s]. More converges sooner, and is noisier."""
     mu: Annotated[float, Field(gt=0, lt=1)] = 0.35
     """Inertia of omega [s]; less follows changes quicker. (0, 1) in Theorem 1."""
     p: Annotated[float, Field(ge=1, lt=2)] = 1.1
     """Hölder exponent, [1, 2) in Theorem 1; 1 is the asymptotically stable limit."""
-    k_b: Annotated[float | None, Field(gt=0)] = 50.0
+    k_b: Annotated[float | None, Field(gt=0)] = 100.0
     """Inertia of the bias [s]; more changes the bias slower. null is the paper's 2 - mu, (94)."""
 
 

@@ -17,11 +17,12 @@ from attest.observers.observer import (
     segments,
     whole_steps,
 )
-from attest.samples import Samples
+from attest.samples import Samples, mean_rates
 
 Array = NDArray[np.float64]
-Given = tuple[Array, Array, Array, Quaternion, Vector]
-"""Lengths of steps h (n,), gyroscope (n, 3), L (n, 10), attitude at the start, known bias."""
+Given = tuple[Array, Array, Array, Array, Quaternion, Vector]
+"""Lengths of steps h (n,), gyroscope at each and its mean over the step (n, 3), L (n, 10), attitude
+at the start, known bias."""
 
 
 class Gains(Section):
@@ -30,11 +31,12 @@ class Gains(Section):
 
 def stretches(samples: Samples, config: Configuration) -> Iterator[tuple[slice, Given]]:
     """Yield each stretch between restarts, and what every kernel needs of it."""
+    mean = mean_rates(samples)
     for part in segments(samples):
         start = so3.as_quaternion(initial_attitude(samples, part, config.initial))
         L = gain_matrices(samples, part, config.weights)
         h = whole_steps(samples, part)
-        yield part, (h, samples.gyro[part], L, start, config.initial.bias)
+        yield part, (h, samples.gyro[part], mean[part], L, start, config.initial.bias)
 
 
 @kernel
@@ -47,7 +49,6 @@ def record_at(out: Array, i: int, q: Quaternion, gyro: Array, L: Array, beta: Ve
 
 
 @kernel
-def carried(q: Quaternion, gyro: Array, i: int, h: float, beta: Vector) -> Quaternion:
-    """Return the attitude a step behind q; the rate is linear over the step."""
-    mean = so3.sub(so3.mean_row(gyro, i), beta)
-    return so3.multiply(q, so3.exp(so3.scale(h, mean)))
+def carried(q: Quaternion, mean: Array, i: int, h: float, beta: Vector) -> Quaternion:
+    """Return the attitude a step behind q."""
+    return so3.multiply(q, so3.exp(so3.scale(h, so3.sub(so3.row(mean, i), beta))))

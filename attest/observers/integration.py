@@ -29,12 +29,14 @@ class Config(Configuration):
 
 
 @kernel
-def run(h: Array, gyro: Array, L: Array, start: Quaternion, beta: Vector, out: Array) -> None:
-    """Fill row i of out (n, 12) with the attitude at step i; rates are linear between steps."""
+def run(
+    h: Array, gyro: Array, mean: Array, L: Array, start: Quaternion, beta: Vector, out: Array
+) -> None:
+    """Fill row i of out (n, 12) with the attitude at step i."""
     q = start
     for i in range(len(h)):
         record_at(out, i, q, gyro, L, beta)
-        q = carried(q, gyro, i, h[i], beta)  # (25)
+        q = carried(q, mean, i, h[i], beta)  # (25)
 
 
 def estimate(samples: Samples, config: Config) -> Estimates:

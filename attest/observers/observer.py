@@ -16,7 +16,7 @@ from attest.geometry import mat3, quaternion, so3, static, wahba
 from attest.geometry.jit import kernel
 from attest.geometry.mat3 import Matrix
 from attest.geometry.so3 import Quaternion, Vector
-from attest.samples import Samples
+from attest.samples import Samples, mean_rates
 
 Array = NDArray[np.float64]
 
@@ -88,7 +88,7 @@ def initial_attitude(samples: Samples, part: slice, initial: Initial) -> Array:
     if not first or not np.isfinite(samples.gyro[part.start]).all():  # feature points alone
         return q
     D = np.empty((first + 1, 4))
-    so3.integrate(np.diff(samples.t[part.start : at + 1]) * 1e-9, samples.gyro[part], D)
+    so3.integrate(np.diff(samples.t[part.start : at + 1]) * 1e-9, mean_rates(samples)[part], D)
     return quaternion.multiply(q, quaternion.conjugate(D[-1]))
 
 
@@ -191,7 +191,9 @@ def _matrices(samples: Samples, part: slice, weights: Weights, known: Array) -> 
         w = np.array([weights.w.get(name, 1.0) for name in samples.names])
         wahba.diagonal_gain_matrices(E, U, valid, w, L, known)
     else:
-        wahba.gain_matrices(E, U, valid, weights.k, L, known)
+        north, east, vertical = weights.k
+        k = weights.k if samples.world == "ned" else (east, north, vertical)
+        wahba.gain_matrices(E, U, valid, k, L, known)
     return L
 
 
@@ -222,10 +224,23 @@ def estimates(
         observer=name,
         t=samples.t,
         q=quaternion.continuous(out[:, 0:4]),
-        angular_velocity=out[:, 4:7],
-        gyro_bias=out[:, 7:10] if bias else None,
+        angular_velocity=out[:, 4:7] + _after_step(samples),
+        gyro_bias=_whole_bias(samples, out[:, 7:10] if bias else None),
         s_norm=out[:, 10],
         cost=out[:, 11],
         updated=samples.valid,
         **other,
     )
+
+
+def _after_step(samples: Samples) -> Array | float:
+    """Return what the rate at a stamp is more than that over the step from it."""
+    return 0.0 if samples.rate is None else samples.rate - samples.gyro
+
+
+def _whole_bias(samples: Samples, bias: Array | None) -> Array | None:
+    """Return the observer's bias with what conditioning took off."""
+    if samples.bias is None or bias is None:
+        return bias
+    whole: Array = bias + samples.bias
+    return whole

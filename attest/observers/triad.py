@@ -40,6 +40,7 @@ def run(
     valid: NDArray[np.bool_],
     h: Array,
     gyro: Array,
+    mean: Array,
     L: Array,
     start: Quaternion,
     beta: Vector,
@@ -66,7 +67,7 @@ def run(
         else:
             q = static.closest(mat3.matrix_row(L, i), predicted, N, V)
         record_at(out, i, q, gyro, L, beta)
-        predicted = so3.normalize(carried(q, gyro, i, h[i], beta))
+        predicted = so3.normalize(carried(q, mean, i, h[i], beta))
 
 
 def estimate(samples: Samples, config: Config) -> Estimates:

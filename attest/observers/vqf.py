@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from attest.config import Configuration, Section, Weights
+from attest.config import Configuration, RawConditioning, Section, Weights
 from attest.errors import ConfigError
 from attest.estimates import Estimates
 from attest.geometry import mat3, quaternion, so3, wahba
@@ -56,6 +56,7 @@ class Config(Configuration):
     observer: str = "vqf"
     gains: Gains = Gains()
     weights: Weights = Weights(k=(1.2, 1.0, 30.0))
+    conditioning: RawConditioning = RawConditioning()
 
 
 def estimate(samples: Samples, config: Config) -> Estimates:

@@ -33,15 +33,17 @@ class Config(Configuration):
 
 
 @kernel
-def run(h: Array, gyro: Array, L: Array, start: Quaternion, beta: Vector, out: Array) -> None:
+def run(
+    h: Array, gyro: Array, mean: Array, L: Array, start: Quaternion, beta: Vector, out: Array
+) -> None:
     """Fill row i of out (n, 12) with the solution of step i.
 
     Parameters
     ----------
     h : shape (n,)
         Length of each step, s.
-    gyro : shape (n, 3)
-        Measured rate, rad/s.
+    gyro, mean : shape (n, 3)
+        Measured rate, and its mean over the step that follows, rad/s.
     L : shape (n, 10)
         From `attest.geometry.wahba.gain_matrices`.
     start
@@ -54,7 +56,7 @@ def run(h: Array, gyro: Array, L: Array, start: Quaternion, beta: Vector, out: A
     for i in range(len(h)):
         q = static.closest(mat3.matrix_row(L, i), predicted, N, V)
         record_at(out, i, q, gyro, L, beta)
-        predicted = so3.normalize(carried(q, gyro, i, h[i], beta))
+        predicted = so3.normalize(carried(q, mean, i, h[i], beta))
 
 
 def estimate(samples: Samples, config: Config) -> Estimates:

@@ -139,7 +139,8 @@ def _against_model(result: Result) -> dict[str, Any]:
     if samples.field is None or "mag" not in samples.names:
         return {}
     column = samples.names.index("mag")
-    seen = quaternion.rotate(result.estimates.q, samples.body[:, column])[samples.valid[:, column]]
+    body = samples.body if samples.measured is None else samples.measured
+    seen = quaternion.rotate(result.estimates.q, body[:, column])[samples.valid[:, column]]
     down = 1.0 if result.recording.world == "ned" else -1.0
     strength = float(np.linalg.norm(samples.field))
     return {

@@ -10,7 +10,7 @@ from attest.geometry import quaternion
 
 DOWN = np.array([0.0, 0.6, 0.8])
 T = stamps(100.0, 10.0)
-D = frame.integrate(T, rate(tumbling, at(T)))
+D = frame.integrate(T, frame.mean_of_ends(rate(tumbling, at(T))))
 
 
 def test_frame_turns_as_the_body_does():
@@ -95,5 +95,5 @@ def test_a_single_sample_is_carried_both_ways():
 
 
 def test_at_rest_nothing_turns():
-    still = frame.integrate(T, rate(resting, at(T)))
+    still = frame.integrate(T, frame.mean_of_ends(rate(resting, at(T))))
     assert angle_deg(still, still[:1]).max() < 1e-9

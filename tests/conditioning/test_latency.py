@@ -9,7 +9,7 @@ def found(attitude, late, *, rate=20.0, noise=0.0, bias=(0.0, 0.0, 0.0), duratio
     t, t_mag = stamps(100.0, duration), stamps(rate, duration)
     mag = seen(attitude, t_mag, FIELD, late).y
     mag = mag + noise * np.linalg.norm(FIELD) * np.random.default_rng(0).normal(size=mag.shape)
-    D = frame.integrate(t, gyro(attitude, t, bias).y)
+    D = frame.integrate(t, frame.mean_of_ends(gyro(attitude, t, bias).y))
     return latency.find(t, D, t_mag, mag)
 
 
@@ -45,13 +45,13 @@ def test_at_rest_no_latency_can_be_told():
 def test_too_few_samples_tell_no_latency():
     assert found(tumbling, 0.12, duration=2.0) == 0.0
     t = stamps(100.0, 10.0)
-    D = frame.integrate(t, gyro(tumbling, t).y)
+    D = frame.integrate(t, frame.mean_of_ends(gyro(tumbling, t).y))
     assert latency.find(t, D, t[:1], np.ones((1, 3))) == 0.0
 
 
 def test_a_field_that_is_not_constant_tells_no_latency():
     t, t_mag = stamps(100.0, 30.0), stamps(20.0, 30.0)
-    D = frame.integrate(t, gyro(tumbling, t).y)
+    D = frame.integrate(t, frame.mean_of_ends(gyro(tumbling, t).y))
     noise = np.random.default_rng(3).normal(size=(len(t_mag), 3))
     assert latency.find(t, D, t_mag, noise) == 0.0
 
@@ -59,7 +59,7 @@ def test_a_field_that_is_not_constant_tells_no_latency():
 def test_latency_is_the_same_wherever_time_begins():
     t, t_mag = stamps(100.0, 30.0), stamps(20.0, 30.0)
     mag = seen(tumbling, t_mag, FIELD, 0.12).y
-    D = frame.integrate(t, gyro(tumbling, t).y)
+    D = frame.integrate(t, frame.mean_of_ends(gyro(tumbling, t).y))
     here = latency.find(t, D, t_mag, mag)
     later = latency.find(t + 10**18, D, t_mag + 10**18, mag)
     assert here == pytest.approx(later, abs=1e-9)

@@ -497,6 +497,7 @@ vectors:
   - {signal: v1, reference: [1, 0, 0]}
   - {signal: v2, reference: [0, 1, 0]}
   - {signal: v3, reference: [0, 0, 1]}
+conditioning: {gyroscope: {sample: begins}}
 """
 
 

@@ -137,7 +137,7 @@ def test_attitude_stays_a_rotation_over_a_million_steps_without_projection():
     gyro = np.random.default_rng(1).normal(size=(n, 3))
     out = np.empty((n, 12))
     start = so3.as_quaternion(IDENTITY)
-    integration.run(np.full(n, H), gyro, np.zeros((n, 10)), start, (0.0, 0.0, 0.0), out)
+    integration.run(np.full(n, H), gyro, gyro, np.zeros((n, 10)), start, (0.0, 0.0, 0.0), out)
     assert np.abs(np.linalg.norm(out[:, :4], axis=1) - 1.0).max() < 1e-10
 
 

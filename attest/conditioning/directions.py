@@ -1,0 +1,101 @@
+"""Directions low-passed in the gyroscope's frame, and how far a field is believed.
+
+In the frame that the gyroscope integrates, a direction of the world moves by the gyroscope's drift
+alone: the body's turns do not blur it, and accelerations and disturbances cancel over some seconds.
+
+[VQF]  D. Laidig, T. Seel, "VQF: highly accurate IMU orientation estimation with bias estimation and
+       magnetic disturbance rejection", Information Fusion 91 (2023): low-pass of the specific force
+       in an almost inertial frame.
+"""
+
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from attest.geometry import mat3, so3
+from attest.geometry.jit import kernel
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+DAMPING = sqrt(0.5)
+"""Of a Butterworth filter of second order."""
+MEMORY = 30.0
+"""Time constant of what the field usually is, s."""
+LEAST = 0.02
+"""Share at which even a field that is not believed becomes usual."""
+START = 3.0
+"""In which whatever is measured first becomes usual, s."""
+
+
+@kernel
+def low_pass(
+    h: Array, D: Array, y: Array, weight: Array, restart: Mask, tau: float, out: Array
+) -> None:
+    """Fill out (n, 3) with the low-passed vectors in the body.
+
+    A Butterworth filter of second order with the cut-off sqrt(2)/tau [rad/s], stepped implicitly;
+    in the first tau seconds the mean, so that the first samples are as good as there are.
+
+    Parameters
+    ----------
+    h : shape (n,)
+        Time from the sample before, s.
+    D : shape (n, 4)
+        Frame of the gyroscope, body to frame.
+    y : shape (n, 3)
+        Vectors in the body.
+    weight : shape (n,)
+        By which time goes on for the filter: 0 holds it.
+    """
+    w = sqrt(2.0) / tau
+    value = slope = (0.0, 0.0, 0.0)
+    known = 0.0
+    for i in range(len(y)):
+        if restart[i]:
+            slope, known = (0.0, 0.0, 0.0), 0.0
+        D_i = so3.matrix((D[i, 0], D[i, 1], D[i, 2], D[i, 3]))
+        step = weight[i] * (h[i] if h[i] > 0.0 else 1e-3)
+        away = so3.sub(mat3.apply(D_i, so3.row(y, i)), value)
+        known += step
+        if known <= tau:
+            value = so3.add(value, so3.scale(step / max(known, 1e-12), away))
+        else:
+            c = 1.0 / (1.0 + 2.0 * DAMPING * w * step + (w * step) ** 2)
+            slope = so3.scale(c, so3.add(slope, so3.scale(w * w * step, away)))
+            value = so3.add(value, so3.scale(step, slope))
+        out[i, 0], out[i, 1], out[i, 2] = mat3.apply(mat3.transpose(D_i), value)
+
+
+@kernel
+def belief(
+    h: Array, along: Array, across: Array, valid: Mask, restart: Mask, scale: float, out: Array
+) -> None:
+    """Fill out (n,) with how far a field is believed, 1 where it is as usual.
+
+    Parameters
+    ----------
+    h : shape (n,)
+        Time from the sample before, s.
+    along, across : shape (n,)
+        Component of the field along the vertical, and length of the rest.
+    scale
+        Difference from the usual field, as a share of its strength, at which half is believed.
+    """
+    usual_along = usual_across = known = 0.0
+    for i in range(len(out)):
+        if restart[i]:
+            known = 0.0
+        if not valid[i]:
+            out[i] = 0.0
+            continue
+        step = h[i] if h[i] > 0.0 else 1e-3
+        d_along, d_across = along[i] - usual_along, across[i] - usual_across
+        strength2 = usual_along * usual_along + usual_across * usual_across
+        x2 = (d_along * d_along + d_across * d_across) / max(strength2 * scale * scale, 1e-300)
+        out[i] = 1.0 if known < START else 1.0 / (1.0 + x2)
+        known += step
+        share = step / known if known < START else step / MEMORY * max(out[i], LEAST)
+        usual_along += min(1.0, share) * d_along
+        usual_across += min(1.0, share) * d_across

@@ -1,0 +1,124 @@
+"""Directions of accelerometer and magnetometer, smoothed for the observers."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from attest.conditioning import directions
+from attest.conditioning.measured import Measured, unit
+from attest.conditioning.timeline import Timeline
+from attest.config import Conditioning
+from attest.recording import Note
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+LEVEL = 0.05
+"""Least part of a field across the vertical that has a direction."""
+FRAME_ERROR = 0.01
+"""By which the gyroscope's frame may err over a filter's memory, rad."""
+DOUBTED = 0.5
+"""Belief below which a sample of the field counts as disturbed."""
+
+
+def smooth(
+    found: dict[str, Measured], line: Timeline, restart: Mask, config: Conditioning
+) -> tuple[dict[str, Measured], list[Note]]:
+    """Low-pass the directions, believe the field as far as it is usual, keep it out of the tilt."""
+    h = np.where(restart, 0.0, np.diff(line.t, prepend=line.t[0]) * 1e-9)
+    settings, after, notes = config.smoothing, dict(found), []
+    accel, mag = found.get("accel"), found.get("mag")
+    longest = longest_memory(h, line.gyro)
+    if accel is not None and settings.accel_s is not None and len(accel.inertial) == 1:
+        tau = min(settings.accel_s, longest)
+        accel = _low_passed(accel, h, line, accel.valid.astype(float), restart, tau)
+        after["accel"] = accel
+        notes.append(_told("accelerometer", tau, settings.accel_s))
+    if mag is None:
+        return after, notes
+    if accel is None:
+        weight = mag.valid.astype(float)
+    else:
+        weight, told = _belief(mag, accel, h, restart, config)
+        notes += told
+    apart = accel if config.magnetometer.decouple_tilt else None
+    if apart is not None and len(apart.inertial) == 1:  # so that errors of the vertical cancel
+        mag = _across(mag, apart)
+    if settings.mag_s is not None:
+        tau = min(settings.mag_s, longest)
+        mag = _low_passed(mag, h, line, weight, restart, tau)
+        notes.append(_told("magnetometer", tau, settings.mag_s))
+    if apart is not None:
+        mag = _across(mag, apart)
+    after["mag"] = replace(mag, length=found["mag"].length)
+    return after, notes
+
+
+def longest_memory(h: Array, gyro: Array) -> float:
+    """Return over how long the gyroscope's frame can be relied on, s.
+
+    Between samples the rate is taken as linear. What its bend at a sample makes of that, h/12 of
+    the second difference, adds up to the frame's error like a random walk.
+
+    Parameters
+    ----------
+    h : shape (n,)
+        Time from the sample before, s.
+    gyro : shape (n, 3)
+        Rate, rad/s.
+    """
+    bend = np.linalg.norm(np.diff(gyro, n=2, axis=0), axis=1)
+    known = (h[1:-1] > 0.0) & (h[2:] > 0.0)
+    variance = float(np.sum((h[1:-1] * bend)[known] ** 2)) / 144.0
+    return FRAME_ERROR**2 * float(h.sum()) / variance if variance > 0.0 else np.inf
+
+
+def _told(sensor: str, tau: float, wanted: float) -> Note:
+    text = f"{sensor} low-passed over {tau:.2g} s in the frame that the gyroscope integrates"
+    if tau < wanted:
+        text += f", not {wanted:g} s: the gyroscope is too slow for its motion"
+    return Note(text)
+
+
+def _low_passed(
+    vector: Measured, h: Array, line: Timeline, weight: Array, restart: Mask, tau: float
+) -> Measured:
+    out = np.empty_like(vector.body)
+    y = vector.body * vector.length[:, np.newaxis]
+    directions.low_pass(h, line.D, y, weight, restart, tau, out)
+    return replace(vector, body=unit(out), valid=vector.valid & (np.abs(out).max(axis=1) > 0.0))
+
+
+def _belief(
+    mag: Measured, accel: Measured, h: Array, restart: Mask, config: Conditioning
+) -> tuple[Array, list[Note]]:
+    """Return how far each sample of the field is believed, (n,)."""
+    scale = config.magnetometer.disturbance
+    if scale is None:
+        return mag.valid.astype(float), []
+    # against a vertical that turns in the world the dip is no constant, and strength alone tells
+    share = np.sum(mag.body * accel.body, axis=1) if len(accel.inertial) == 1 else 0.0
+    along = mag.length * share
+    across = np.sqrt(np.maximum(mag.length**2 - along**2, 0.0))
+    weight = np.empty(len(h))
+    directions.belief(h, along, across, mag.valid, restart, scale, weight)
+    disturbed = int(np.sum(mag.valid & (weight < DOUBTED)))
+    text = "magnetometer sample unlike the field before it, believed the less"
+    many = disturbed > 0.1 * len(h)
+    return weight, [Note(text, disturbed, doubt=many)] if disturbed else []
+
+
+def _across(mag: Measured, accel: Measured) -> Measured:
+    """Keep of the field what is across the accelerometer's direction, in body and world."""
+    body = mag.body - np.sum(mag.body * accel.body, axis=1, keepdims=True) * accel.body
+    share = np.sum(mag.inertial * accel.inertial, axis=1, keepdims=True)
+    known = mag.inertial - share * accel.inertial
+    flat = np.linalg.norm(body, axis=1)
+    return replace(
+        mag,
+        body=unit(body),
+        inertial=unit(known),
+        length=mag.length * flat,
+        valid=mag.valid & (flat > LEVEL),
+    )

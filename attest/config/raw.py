@@ -1,0 +1,34 @@
+"""Conditioning that leaves measurements as they are, for observers with their own filters."""
+
+from typing import Literal
+
+from attest.config.settings import Conditioning, Gyroscope, Magnetometer, Smoothing
+
+
+class RawGyroscope(Gyroscope):
+    """The gyroscope as it is measured."""
+
+    sample: Literal["ends", "begins"] = "begins"
+    correct: bool = False
+
+
+class RawSmoothing(Smoothing):
+    """No low-pass."""
+
+    accel_s: float | None = None
+    mag_s: float | None = None
+
+
+class RawMagnetometer(Magnetometer):
+    """The field as it is measured."""
+
+    decouple_tilt: bool = False
+    disturbance: float | None = None
+
+
+class RawConditioning(Conditioning):
+    """What is left: one timeline, latency, and the accelerometer's reference."""
+
+    gyroscope: RawGyroscope = RawGyroscope()
+    smoothing: RawSmoothing = RawSmoothing()
+    magnetometer: RawMagnetometer = RawMagnetometer()

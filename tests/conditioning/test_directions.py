@@ -1,0 +1,102 @@
+import numpy as np
+from flights import FIELD, at, body, rate, resting, stamps, tumbling
+from numpy.testing import assert_allclose
+from scipy.signal import butter, lfilter
+
+from attest.conditioning import directions, frame
+from attest.geometry import quaternion
+
+T = stamps(100.0, 60.0)
+H = np.concatenate([[0.0], np.diff(T) * 1e-9])
+NO = np.arange(len(T)) == 0
+D = frame.integrate(T, rate(tumbling, at(T) + 0.005))
+
+
+def low_passed(y, tau=3.0, weight=None, restart=NO, D=D):
+    out = np.empty_like(y)
+    weight = np.ones(len(y)) if weight is None else weight
+    directions.low_pass(H, D, np.ascontiguousarray(y), weight, restart, tau, out)
+    return out
+
+
+def believed(along, across, scale=0.1, valid=None, restart=NO):
+    out = np.empty(len(T))
+    valid = np.ones(len(T), bool) if valid is None else valid
+    directions.belief(H, np.array(along), np.array(across), valid, restart, scale, out)
+    return out
+
+
+def test_a_direction_of_the_world_is_left_as_it_is_however_the_body_turns():
+    y = body(tumbling, at(T), FIELD)
+    assert_allclose(low_passed(y), y, atol=1e-4 * np.linalg.norm(FIELD))
+
+
+def test_noise_falls_and_no_turn_is_blurred():
+    y = body(tumbling, at(T), [0.0, 0.0, -9.8])
+    noisy = y + np.random.default_rng(0).normal(size=y.shape)
+    assert np.abs(low_passed(noisy) - y)[1000:].std() < 0.1
+
+
+def test_it_is_the_butterworth_filter_of_second_order():
+    still = np.tile([1.0, 0.0, 0.0, 0.0], (len(T), 1))
+    y = np.zeros((len(T), 3))
+    y[2000:] = [1.0, -2.0, 0.5]
+    b, a = butter(2, np.sqrt(2.0) / 3.0, fs=2.0 * np.pi * 100.0)
+    assert_allclose(low_passed(y, D=still), lfilter(b, a, y, axis=0), atol=0.02)
+
+
+def test_at_first_it_is_the_mean():
+    still = np.tile([1.0, 0.0, 0.0, 0.0], (len(T), 1))
+    y = np.random.default_rng(1).normal(size=(len(T), 3))
+    assert_allclose(low_passed(y, D=still)[0], y[0], atol=1e-12)
+    assert_allclose(low_passed(y, D=still)[250], y[:251].mean(axis=0), atol=0.02)
+
+
+def test_what_has_no_weight_is_held_in_the_gyroscopes_frame():
+    y = body(tumbling, at(T), FIELD)
+    spoilt = y.copy()
+    spoilt[3000:] = [1e-3, 0.0, 0.0]
+    weight = np.where(np.arange(len(T)) < 3000, 1.0, 0.0)
+    assert_allclose(low_passed(spoilt, weight=weight), y, atol=1e-3 * np.linalg.norm(FIELD))
+
+
+def test_after_a_restart_nothing_is_left_of_before():
+    y = body(resting, at(T), FIELD)
+    y[:3000] = [1.0, 2.0, 3.0]
+    restart = NO | (np.arange(len(T)) == 3000)
+    assert_allclose(low_passed(y, restart=restart)[3000], y[3000], atol=1e-12)
+
+
+def test_a_field_as_usual_is_believed_and_a_disturbed_one_is_not():
+    along, across = np.full(len(T), -40.0), np.full(len(T), 20.0)
+    assert_allclose(believed(along, across), 1.0)
+    across[3000:3200] += 10.0
+    weight = believed(along, across)
+    assert weight[3000] < 0.2
+    assert weight[3300] > 0.9
+
+
+def test_half_is_believed_at_the_scale():
+    along, across = np.full(len(T), -30.0), np.full(len(T), 40.0)
+    along[3000] += 5.0
+    assert_allclose(believed(along, across, scale=0.1)[3000], 0.5, atol=1e-9)
+
+
+def test_a_field_that_stays_changed_is_believed_again():
+    along, across = np.full(len(T), -40.0), np.full(len(T), 20.0)
+    across[1500:] += 6.0
+    weight = believed(along, across)
+    assert weight[1500] < 0.5
+    assert weight[-1] > 0.6
+
+
+def test_strength_is_compared_as_a_share_so_that_units_do_not_matter():
+    rng = np.random.default_rng(2)
+    along, across = -40.0 + rng.normal(size=len(T)), 20.0 + rng.normal(size=len(T))
+    assert_allclose(believed(along, across), believed(1e-6 * along, 1e-6 * across), rtol=1e-9)
+
+
+def test_turned_frames_give_turned_vectors():
+    y = body(tumbling, at(T), FIELD) + 1e-5 * np.random.default_rng(5).normal(size=(len(T), 3))
+    q = quaternion.normalize(np.array([0.3, -0.5, 0.1, 0.8]))
+    assert_allclose(low_passed(y, D=quaternion.multiply(q, D)), low_passed(y), atol=1e-15)
