@@ -34,6 +34,8 @@ from attest.samples import Samples
 OnStage = Callable[[str], None]
 Conditioned = tuple[Samples, tuple[Note, ...]]
 
+SMOOTHER = "smoother"
+"""The reference that attest makes itself, of a log that has no better one."""
 FEW = 16
 """Steps that an observer is compiled with before its time is taken."""
 
@@ -61,8 +63,35 @@ def read(log: Path, configuration: Configuration) -> Recording:
         world=wanted.world,
         csv=wanted.csv,
     )
+    name = configuration.evaluation.reference
     return reference_file.join(
-        readers.read(log, options), configuration.evaluation.reference, options
+        readers.read(log, options), None if name == SMOOTHER else name, options
+    )
+
+
+def _smoothed(
+    recording: Recording,
+    configuration: Configuration,
+    timing: dict[str, float],
+    on_stage: OnStage | None,
+) -> Recording:
+    """Add the smoother's attitude to the references, where it is asked for and the log has none."""
+    if configuration.evaluation.reference != SMOOTHER or SMOOTHER in recording.references:
+        return recording
+    smoother = observers.get(SMOOTHER)
+    settings = smoother.config(observer=SMOOTHER, input=configuration.input)
+    with _stage("smoothing", timing, on_stage):
+        samples, _ = conditioning.condition(recording, settings)
+        found = smoother.estimate(samples, settings)
+    text = (
+        "reference 'smoother': attest's own, of the whole log and the same sensors: "
+        "not independent, not truth"
+    )
+    made = Reference(SMOOTHER, "smoother", found.t, found.q)
+    return replace(
+        recording,
+        references={SMOOTHER: made, **recording.references},
+        notes=(*recording.notes, Note(text, doubt=True)),
     )
 
 
@@ -99,8 +128,9 @@ def run(log: Path, configuration: Configuration, on_stage: OnStage | None = None
     timing: dict[str, float] = {}
     with _stage("reading", timing, on_stage):
         recording = _doubted(read(log, configuration))
-        # now, so that a name that is not there is refused before the work
-        reference = evaluation.choose(recording, configuration.evaluation.reference)
+    recording = _smoothed(recording, configuration, timing, on_stage)
+    # now, so that a name that is not there is refused before the work
+    reference = evaluation.choose(recording, configuration.evaluation.reference)
     with _stage("conditioning", timing, on_stage):
         conditioned = conditioning.condition(recording, configuration)
     result = _observe(recording, conditioned, reference, configuration, timing, on_stage)
@@ -130,8 +160,9 @@ def compare(
     first, reading = next(iter(configurations.values())), dict[str, float]()
     with _stage("reading", reading, on_stage):
         recording = _doubted(read(log, first))
-        # now, so that a name that is not there is refused before the work
-        reference = evaluation.choose(recording, first.evaluation.reference)
+    recording = _smoothed(recording, first, reading, on_stage)
+    # now, so that a name that is not there is refused before the work
+    reference = evaluation.choose(recording, first.evaluation.reference)
     conditioned: dict[str, Conditioned] = {}
     results: list[Result] = []
     failed: dict[str, str] = {}
@@ -247,34 +278,6 @@ def write(
     if on_stage:
         on_stage("writing")
     return list(writers.write(results, folder, document))
-
-
-def folder_for(result: Result, output: Path, logs: Sequence[Path]) -> Path:
-    """Return where a run is written: ``OUTPUT/<log stem>``, and for another log's, its digest too.
-
-    A folder is another log's when two logs of this call share a stem, or when what is in it was
-    made from a log at another path.
-    """
-    log = result.recording.path
-    stem = log.stem.strip(".") or "log"  # a stem of dots would lead out of the folder
-    folder = output / stem
-    first = next(other for other in logs if (other.stem.strip(".") or "log") == stem)
-    if first == log and _owners(folder) <= {str(log.resolve())}:
-        return folder
-    return output / f"{stem}-{str(result.summary['log']['sha256'])[:8]}"
-
-
-def _owners(folder: Path) -> set[str]:
-    """Return the logs that the results in a folder were made from."""
-    owners: set[str] = set()
-    try:
-        found = list(folder.glob("*.json"))
-    except OSError:  # a name that is too long, or no right to look: writing will tell
-        return owners
-    for path in found:
-        with suppress(OSError, ValueError, KeyError, TypeError):  # not a run's, so nobody's
-            owners.add(str(json.loads(path.read_text(encoding="utf-8"))["log"]["path"]))
-    return owners
 
 
 def _with_lyapunov(

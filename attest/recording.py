@@ -13,8 +13,9 @@ from attest.errors import ReadError
 World = Literal["ned", "enu"]
 """World axes: north-east-down, or east-north-up."""
 
-Kind = Literal["truth", "autopilot"]
-"""``truth``: motion capture or simulator. ``autopilot``: an on-board estimate, same sensors."""
+Kind = Literal["truth", "autopilot", "smoother"]
+"""``truth``: motion capture or simulator. ``autopilot``: an on-board estimate, same sensors.
+``smoother``: attest's own, of the whole log, same sensors."""
 
 
 Subject = Literal["up", "field strength"]

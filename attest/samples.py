@@ -49,6 +49,8 @@ class Samples:
     """Angular velocity at the stamps, corrected alike, rad/s, (n, 3); None where it is `gyro`."""
     bias: NDArray[np.float64] | None = None
     """Bias that conditioning took off, rad/s, shape (n, 3); None where it took none."""
+    rest: NDArray[np.bool_] | None = None
+    """Where the body is at rest, shape (n,); None where that was not looked for."""
 
 
 def mean_rates(samples: Samples) -> NDArray[np.float64]:

@@ -19,6 +19,7 @@ from attest.cli.options import (
 from attest.cli.progress import progress
 from attest.cli.run import open_rrd
 from attest.errors import ConfigError
+from attest.writers import folders
 
 if TYPE_CHECKING:
     from attest.config import Csv
@@ -73,7 +74,7 @@ def compare(
     with progress(path.name, quiet=quiet, stages=3 * len(configurations) + 2) as on_stage:
         results, failed = pipeline.compare(path, configurations, on_stage)
         document = report.rank(results, failed)
-        folder = pipeline.folder_for(results[0], output, [path])
+        folder = folders.folder_for(results[0], output, [path])
         written = pipeline.write(results, folder, on_stage, document)
     if as_json:
         click.echo(written[-1].read_text(encoding="utf-8"), nl=False)

@@ -46,8 +46,9 @@ def log_options(command: F) -> F:
         world_option,
         click.option(
             "--reference",
-            metavar="NAME|FILE|none",
-            help="Compare with this one, of the log or of a file.  [default: the log's best]",
+            metavar="NAME|FILE|smoother|none",
+            help="Compare with this one, of the log or of a file, or with attest's own smoother.  "
+            "[default: the log's best]",
         ),
     ):
         command = option(command)

@@ -21,6 +21,7 @@ from attest.cli.options import (
 )
 from attest.cli.progress import progress
 from attest.errors import AttestError, ReadError
+from attest.writers import folders
 
 if TYPE_CHECKING:
     from attest.config import Configuration
@@ -89,7 +90,7 @@ def _run_one(
 
     with progress(log.name, quiet=quiet) as on_stage:
         result = pipeline.run(log, configuration, on_stage)
-        folder = pipeline.folder_for(result, output, logs)
+        folder = folders.folder_for(result, output, logs)
         written = pipeline.write([result], folder, on_stage)
     if as_json:
         text = written[-1].read_text(encoding="utf-8")

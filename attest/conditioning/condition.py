@@ -10,6 +10,7 @@ from attest.conditioning.accelerometer import accelerometer
 from attest.conditioning.gyroscope import rates as gyroscope_rates
 from attest.conditioning.magnetometer import magnetometer
 from attest.conditioning.measured import Measured, carried, usable
+from attest.conditioning.rest import rest, unturned
 from attest.conditioning.smoothing import smooth
 from attest.conditioning.timeline import (
     SECOND,
@@ -77,8 +78,24 @@ def condition(recording: Recording, config: Configuration) -> tuple[Samples, tup
         length=np.stack([v.length for v in vectors], axis=1) if vectors else None,
         torque=torque,
         field=field,
+        rest=_rest(recording, line, vectors, config.conditioning),
     )
     return samples, (*notes, *_unobservable(samples.names, recording))
+
+
+def _rest(
+    recording: Recording, line: Timeline, vectors: list[Measured], config: Conditioning
+) -> NDArray[np.bool_] | None:
+    """Find when the body is at rest, where that is wanted and an accelerometer can tell."""
+    if not config.rest:
+        return None
+    if "accel" not in recording.signals or not len(recording.signals["accel"].t):
+        return None
+    accel, age = recording.signals["accel"], round(config.max_age_s * SECOND)
+    body, valid, _ = frame.carry(line.t, line.D, accel.t, accel.y, age)
+    rested = rest(line.t, line.gyro, np.where(valid[:, np.newaxis], body, np.nan))
+    seen, known = _stack([v.body for v in vectors], len(line.t)), _valid(vectors, len(line.t))
+    return unturned(line.t, rested, line.gyro, seen, known)
 
 
 def _torque(

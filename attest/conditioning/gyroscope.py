@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from attest.conditioning import drift, frame, smoothing
 from attest.conditioning.measured import usable
-from attest.conditioning.rest import BIAS, rest
+from attest.conditioning.rest import BIAS
+from attest.conditioning.rested import rested
 from attest.config import Conditioning
 from attest.recording import Note, Recording, Signal, seconds
 
@@ -60,7 +61,7 @@ def _corrected(
         return gyro.y, None, []
     h = np.where(restart, 0.0, np.diff(gyro.t, prepend=gyro.t[0]) * 1e-9)
     force = _at(gyro.t, accel)
-    resting = rest(h, gyro.y, force, restart)
+    resting = rested(h, gyro.y, force, restart)
     y = _still(recording, gyro, force, h)
     known = np.zeros((2, drift.N))
     known[1, :3], known[1, 3:] = settings.bias_std, settings.scale_std

@@ -7,7 +7,7 @@ them.
 from attest.config.check import validate
 from attest.config.csv import Csv
 from attest.config.files import dump, effective, find, folder, override, read, shipped
-from attest.config.raw import RawConditioning
+from attest.config.raw import RawConditioning, SmoothedConditioning
 from attest.config.section import Section
 from attest.config.settings import (
     Conditioning,
@@ -34,6 +34,7 @@ __all__ = [
     "PointsConfiguration",
     "RawConditioning",
     "Section",
+    "SmoothedConditioning",
     "SpecificForce",
     "Vector",
     "VectorWeights",

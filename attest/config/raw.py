@@ -32,3 +32,9 @@ class RawConditioning(Conditioning):
     gyroscope: RawGyroscope = RawGyroscope()
     smoothing: RawSmoothing = RawSmoothing()
     magnetometer: RawMagnetometer = RawMagnetometer()
+
+
+class SmoothedConditioning(RawConditioning):
+    """That, and where the body is at rest."""
+
+    rest: bool = True

@@ -130,6 +130,8 @@ class Conditioning(Section):
     """How far a vector may be carried by the gyroscope from its nearest sample."""
     restart_gap_s: Annotated[float, Field(gt=0)] = 5.0
     """A gyroscope silent for longer than this makes the observer start anew."""
+    rest: bool = False
+    """Mark where the body is at rest, as the whole log tells; ``smoother`` uses it."""
     gyroscope: Gyroscope = Gyroscope()
     specific_force: SpecificForce = SpecificForce()
     smoothing: Smoothing = Smoothing()
@@ -181,7 +183,7 @@ class Evaluation(Section):
 
     reference: str | None = None
     """Name of the reference, or a file that holds one; null takes the best of the log, none
-    compares with nothing."""
+    compares with nothing, smoother with attest's own over the whole log."""
     settling_bound_deg: Annotated[float, Field(gt=0, le=180)] = 5.0
     """The total error counts as settled when it stays below this."""
     longest_gap_s: Annotated[float, Field(gt=0)] = 2.0

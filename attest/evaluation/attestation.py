@@ -1,4 +1,8 @@
-"""What every observer's theory promises, against what was seen in a run."""
+"""What every observer's theory promises, against what was seen in a run.
+
+[BarShalom01]  Y. Bar-Shalom, X. R. Li, T. Kirubarajan, "Estimation with applications to tracking
+               and navigation", 2001, 5.4: the normalised estimation error squared.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,6 +10,7 @@ from numpy.typing import NDArray
 from attest.claims import Claim
 from attest.config import Configuration
 from attest.estimates import Estimates
+from attest.evaluation import errors
 from attest.geometry import directions, quaternion
 from attest.metrics import Metrics
 from attest.samples import Samples
@@ -17,6 +22,8 @@ ROUNDING = 1e-9
 STAYED = 0.1
 """Share of a run after settling from which staying there can be told."""
 CHUNK = 1 << 16
+WITHIN = 7.815
+"""95 % of chi-squared of three are below this."""
 
 
 def attest(
@@ -29,6 +36,7 @@ def attest(
         *_observable(samples),
         *_lyapunov(estimates, samples.restart),
         *_settling(metrics),
+        *_consistent(estimates, metrics),
     )
 
 
@@ -138,3 +146,32 @@ def _settling(metrics: Metrics | None) -> tuple[Claim, ...]:
             value=settled,
         ),
     )
+
+
+def _consistent(estimates: Estimates, metrics: Metrics | None) -> tuple[Claim, ...]:
+    """Compare the error with the covariance that came with the estimate, [BarShalom01, 5.4]."""
+    P = estimates.states.get("attitude_covariance")
+    if metrics is None or metrics.kind != "truth" or P is None:
+        return ()
+    scored = np.isfinite(metrics.error_deg[:, 0])
+    q_e = errors.attitude_error(estimates.q[scored], metrics.q_ref[scored])
+    found = normalised(quaternion.log(q_e), P[scored])
+    mean, inside = float(np.mean(found)), float(np.mean(found < WITHIN))
+    return (
+        Claim(
+            statement="the error is as large as the covariance says",
+            source=f"normalised error squared, 3 of a perfect filter, against {metrics.reference}",
+            seen=f"mean {mean:.2g}; {inside:.0%} of the samples within the bound of 95%",
+            holds=mean < WITHIN,
+            value=mean,
+            bound=WITHIN,
+        ),
+    )
+
+
+def normalised(theta: Array, P: Array) -> Array:
+    """Return theta^T P^-1 theta of errors (n, 3), rad, and P (n, 6) by rows of the upper half."""
+    full = P[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3)
+    weighed = np.linalg.solve(full, theta[..., np.newaxis])[..., 0]
+    squared: Array = np.sum(theta * weighed, axis=1)
+    return squared

@@ -5,7 +5,7 @@ registers, so that a step of an observer costs what it costs in C. The same sour
 Python, bit for bit. Matrices are in `attest.geometry.mat3`.
 """
 
-from math import cos, sin, sqrt
+from math import atan2, cos, sin, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,6 +73,12 @@ def row(a: Array, i: int) -> Vector:
 
 
 @kernel
+def row4(a: Array, i: int) -> Quaternion:
+    """Row i of an (n, 4) array as a quaternion."""
+    return (a[i, 0], a[i, 1], a[i, 2], a[i, 3])
+
+
+@kernel
 def item(a: Array, i: int, j: int) -> Vector:
     """Vector j of row i of an (n, k, 3) array."""
     return (a[i, j, 0], a[i, j, 1], a[i, j, 2])
@@ -96,6 +102,16 @@ def exp(phi: Vector) -> Quaternion:
         w = cos(half)
         k = 0.5 * sin(half) / half
     return (w, k * phi[0], k * phi[1], k * phi[2])
+
+
+@kernel
+def log(q: Quaternion) -> Vector:
+    """Return the rotation vector of a unit quaternion's shorter way, rad, of length at most pi."""
+    s2 = q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
+    k = 2.0 / q[0] if s2 < 1e-24 else 2.0 * atan2(sqrt(s2), abs(q[0])) / sqrt(s2)
+    if s2 >= 1e-24 and q[0] < 0.0:
+        k = -k
+    return (k * q[1], k * q[2], k * q[3])
 
 
 @kernel

@@ -20,6 +20,7 @@ NAMES = (
     "wahba",
     "integration",
     "vqf",
+    "smoother",
 )
 
 

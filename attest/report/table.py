@@ -11,6 +11,7 @@ from attest.report.info import shown, text_of_notes
 KINDS = {
     "truth": "truth",
     "autopilot": "autopilot: an estimate from the same sensors, not independent, not truth",
+    "smoother": "attest's own smoother over the same sensors, not truth",
 }
 
 

@@ -10,6 +10,7 @@ from attest.result import Result
 KINDS = {
     "truth": "truth",
     "autopilot": "the autopilot's own estimate from the same sensors: not independent, not truth",
+    "smoother": "attest's own smoother over the whole log, from the same sensors: not truth",
 }
 
 SCENE = (

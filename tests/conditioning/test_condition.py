@@ -530,3 +530,15 @@ def test_a_second_direction_that_comes_late_is_led_back_to_the_start():
     found = fts.estimate(samples, config).q[:1]
     declination = np.rad2deg(np.arctan2(FIELD[1], FIELD[0]))  # without a place, magnetic north
     assert angle_deg(found, tumbling(at(t))[:1]).max() < declination + 1.0
+
+
+def test_rest_is_found_where_there_is_an_accelerometer_to_tell():
+    t, slow = stamps(100.0, 20.0), stamps(25.0, 20.0)
+    still = {"gyro": gyro(resting, t), "accel": seen(resting, slow, [0.0, 0.0, -9.81])}
+    samples, _ = condition(recording(still), settings())
+    assert samples.rest.all()
+    moving = {"gyro": gyro(tumbling, t), "accel": seen(tumbling, slow, [0.0, 0.0, -9.81])}
+    samples, _ = condition(recording(moving), settings())
+    assert not samples.rest.any()
+    samples, _ = condition(recording({"gyro": gyro(resting, t)}), settings())
+    assert samples.rest is None

@@ -7,6 +7,7 @@ from flights import samples
 from attest import evaluation
 from attest.config import Evaluation
 from attest.estimates import Estimates
+from attest.geometry import quaternion
 from attest.observers import fts
 from attest.recording import Reference
 
@@ -125,3 +126,21 @@ def test_the_noise_bound_of_the_corollary_is_that_of_its_inequality():
     assert bounded.holds
     (broken,) = fts.promises(given, replace(estimated(), s_norm=np.full(N, 2.0 * S)), config)
     assert broken.holds is False
+
+
+@pytest.mark.parametrize(("believed", "holds"), [(1.0, True), (0.3, False), (5.0, True)])
+def test_the_covariance_is_compared_with_the_error(believed, holds):
+    rng = np.random.default_rng(3)
+    sigma = 0.02 * np.array([1.0, 2.0, 3.0])
+    q = quaternion.exp(sigma * rng.normal(size=(N, 3)))
+    P = np.zeros((N, 6))
+    P[:, [0, 3, 5]] = (believed * sigma) ** 2
+    found = estimated(q, states={"attitude_covariance": P})
+    given = seen(np.eye(3))
+    truth = Reference("TRUTH", "truth", T, IDENTITY)
+    metrics, _ = evaluation.evaluate(given, found, truth, Evaluation())
+    told = claim(attested(given, found, metrics), "covariance")
+    assert told.holds is holds
+    assert told.value == pytest.approx(3.0 / believed**2, rel=0.15)
+    autopilot, _ = evaluation.evaluate(given, found, replace(truth, kind="autopilot"), Evaluation())
+    assert not any("covariance" in c.statement for c in attested(given, found, autopilot))
