@@ -31,9 +31,16 @@ START = 3.0
 
 @kernel
 def low_pass(
-    h: Array, D: Array, y: Array, weight: Array, restart: Mask, tau: float, out: Array
+    h: Array,
+    D: Array,
+    unit: Array,
+    length: Array,
+    weight: Array,
+    restart: Mask,
+    tau: float,
+    out: Array,
 ) -> None:
-    """Fill out (n, 3) with the low-passed vectors in the body.
+    """Fill out (n, 3) with the directions of low-passed vectors in the body; zero while unknown.
 
     A Butterworth filter of second order with the cut-off sqrt(2)/tau [rad/s], stepped implicitly;
     in the first tau seconds the mean, so that the first samples are as good as there are.
@@ -44,7 +51,7 @@ def low_pass(
         Time from the sample before, s.
     D : shape (n, 4)
         Frame of the gyroscope, body to frame.
-    y : shape (n, 3)
+    unit, length : shape (n, 3) and (n,)
         Vectors in the body.
     weight : shape (n,)
         By which time goes on for the filter: 0 holds it.
@@ -52,12 +59,12 @@ def low_pass(
     w = sqrt(2.0) / tau
     value = slope = (0.0, 0.0, 0.0)
     known = 0.0
-    for i in range(len(y)):
+    for i in range(len(unit)):
         if restart[i]:
             slope, known = (0.0, 0.0, 0.0), 0.0
         D_i = so3.matrix((D[i, 0], D[i, 1], D[i, 2], D[i, 3]))
         step = weight[i] * (h[i] if h[i] > 0.0 else 1e-3)
-        away = so3.sub(mat3.apply(D_i, so3.row(y, i)), value)
+        away = so3.sub(so3.scale(length[i], mat3.apply(D_i, so3.row(unit, i))), value)
         known += step
         if known <= tau:
             value = so3.add(value, so3.scale(step / max(known, 1e-12), away))
@@ -65,7 +72,28 @@ def low_pass(
             c = 1.0 / (1.0 + 2.0 * DAMPING * w * step + (w * step) ** 2)
             slope = so3.scale(c, so3.add(slope, so3.scale(w * w * step, away)))
             value = so3.add(value, so3.scale(step, slope))
-        out[i, 0], out[i, 1], out[i, 2] = mat3.apply(mat3.transpose(D_i), value)
+        size = sqrt(so3.dot(value, value))
+        u = so3.scale(1.0 / size if size > 0.0 else 0.0, value)
+        out[i, 0], out[i, 1], out[i, 2] = mat3.apply(mat3.transpose(D_i), u)
+
+
+@kernel
+def across(mag: Array, accel: Array, body: Array, flat: Array) -> None:
+    """Fill the directions (n, 3) of unit vectors across others, and their length there (n,)."""
+    for i in range(len(mag)):
+        m, up = so3.row(mag, i), so3.row(accel, i)
+        v = so3.sub(m, so3.scale(so3.dot(m, up), up))
+        flat[i] = sqrt(so3.dot(v, v))
+        v = so3.scale(1.0 / flat[i] if flat[i] > 0.0 else 0.0, v)
+        body[i, 0], body[i, 1], body[i, 2] = v
+
+
+@kernel
+def parts(mag: Array, length: Array, accel: Array, along: Array, across: Array) -> None:
+    """Fill the component (n,) of vectors along others, and the length (n,) of the rest."""
+    for i in range(len(mag)):
+        c = so3.dot(so3.row(mag, i), so3.row(accel, i))
+        along[i], across[i] = length[i] * c, length[i] * sqrt(max(0.0, 1.0 - c * c))
 
 
 @kernel
@@ -99,3 +127,17 @@ def belief(
         share = step / known if known < START else step / MEMORY * max(out[i], LEAST)
         usual_along += min(1.0, share) * d_along
         usual_across += min(1.0, share) * d_across
+
+
+@kernel
+def bends(h: Array, gyro: Array) -> float:
+    """Return the sum of (h times the second difference of the rate), squared, rad²."""
+    total = 0.0
+    for i in range(1, len(h) - 1):
+        if h[i] > 0.0 and h[i + 1] > 0.0:
+            bend = so3.sub(
+                so3.add(so3.row(gyro, i + 1), so3.row(gyro, i - 1)),
+                so3.scale(2.0, so3.row(gyro, i)),
+            )
+            total += h[i] * h[i] * so3.dot(bend, bend)
+    return total

@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 N = 12
+BLOCK = 0.02
+"""In which the frame is taken as still where sensitivities are summed, s."""
 WINDOW = 6.0
 """Over which the direction of gravity is averaged, s: accelerations of the body cancel."""
 REST = 0.5
@@ -67,6 +69,8 @@ class Window(NamedTuple):
     samples."""
     variance: Array
     """Of the direction as seen, (1,)."""
+    block: Array
+    """Sums since Theta was last added to: time, s, time times rate, rad; and the weight, (5,)."""
     resting: Array
     """Sum of time times rate at rest, rad, (3,)."""
 
@@ -101,15 +105,15 @@ def update(x: Array, P: Array, H: Array, innovation: float, variance: float) -> 
 
 
 @kernel
-def turn(Theta: Array, D: Matrix, Omega_m: Vector, h: float) -> None:
-    """Add h D [I, Omega_m^T (x) I] to Theta."""
+def turn(Theta: Array, D: Matrix, block: Array) -> None:
+    """Add D [h I, (h Omega_m)^T (x) I], summed over a block, to Theta."""
     for j in range(3):
         for k in range(3):
-            d = h * D[3 * j + k]
-            Theta[j, k] += d
-            Theta[j, 3 + 3 * k] += d * Omega_m[0]
-            Theta[j, 4 + 3 * k] += d * Omega_m[1]
-            Theta[j, 5 + 3 * k] += d * Omega_m[2]
+            d = D[3 * j + k]
+            Theta[j, k] += d * block[0]
+            Theta[j, 3 + 3 * k] += d * block[1]
+            Theta[j, 4 + 3 * k] += d * block[2]
+            Theta[j, 5 + 3 * k] += d * block[3]
 
 
 @kernel
@@ -170,24 +174,35 @@ def clear(window: Window) -> None:
     window.Theta[:] = 0.0
     window.mean[:] = 0.0
     window.f[:] = 0.0
+    window.block[:] = 0.0
     window.clock[:BEFORE] = 0.0
 
 
 @kernel
 def add(window: Window, D: Matrix, Omega_m: Vector, y: Array, i: int, h: float) -> None:
     """Add a sample to the window, weighted by a Hann function of its time."""
-    turn(window.Theta, D, Omega_m, h)
-    window.clock[TIME] += h
-    window.clock[COUNT] += 1.0
-    w = h * sin(pi * min(1.0, window.clock[TIME] / WINDOW)) ** 2
-    window.clock[WEIGHT] += w
+    block = window.block
+    if block[0] == 0.0:
+        block[4] = sin(pi * min(1.0, window.clock[TIME] / WINDOW)) ** 2
+    block[0] += h
+    block[1] += h * Omega_m[0]
+    block[2] += h * Omega_m[1]
+    block[3] += h * Omega_m[2]
+    w = h * block[4]
     for k in range(len(window.f)):
         fixed = mat3.apply(D, so3.item(y, i, k))
         for j in range(3):
             window.f[k, j] += w * fixed[j]
-    for j in range(3):
-        for m in range(N):
-            window.mean[j, m] += w * window.Theta[j, m]
+    window.clock[COUNT] += 1.0
+    if block[0] >= BLOCK:
+        turn(window.Theta, D, block)
+        w = block[0] * block[4]
+        window.clock[WEIGHT] += w
+        window.clock[TIME] += block[0]
+        for j in range(3):
+            for m in range(N):
+                window.mean[j, m] += w * window.Theta[j, m]
+        block[:] = 0.0
 
 
 @kernel
@@ -241,13 +256,8 @@ def stay(window: Window, x: Array, P: Array, Omega_m: Vector, h: float) -> None:
     window.clock[REST_COUNT] += 1.0
     if window.clock[REST_TIME] < REST or window.clock[REST_COUNT] < FEWEST:
         return
-    at_rest(
-        x,
-        P,
-        so3.scale(
-            1.0 / window.clock[REST_TIME], (window.resting[0], window.resting[1], window.resting[2])
-        ),
-    )
+    turned = (window.resting[0], window.resting[1], window.resting[2])
+    at_rest(x, P, so3.scale(1.0 / window.clock[REST_TIME], turned))
     window.resting[:] = 0.0
     window.clock[REST_TIME:] = 0.0
     clear(window)
@@ -297,12 +307,13 @@ def run(
         if rest[i]:
             stay(window, x, P, Omega_m, h[i])
             continue
-        window.resting[:] = 0.0
-        window.clock[REST_TIME:] = 0.0
-        if not restart[i]:
+        if window.clock[REST_TIME] > 0.0:
+            window.resting[:] = 0.0
+            window.clock[REST_TIME:] = 0.0
+        if len(window.f) and not restart[i]:
             q = so3.normalize(so3.multiply(q, so3.exp(so3.scale(h[i], Omega))))
             add(window, so3.matrix(q), Omega_m, y, i, h[i])
-            if len(window.f) and window.clock[TIME] >= WINDOW and window.clock[COUNT] >= FEWEST:
+            if window.clock[TIME] >= WINDOW and window.clock[COUNT] >= FEWEST:
                 close(window, x, P)
     known[0], known[1] = x, np.sqrt(np.maximum(np.diag(P), 0.0))
 
@@ -316,7 +327,7 @@ def follow(
     """
     rate, bias, known = np.empty_like(gyro), np.empty_like(gyro), known.copy()
     k = y.shape[1]
-    shapes = ((3, N), (3, N), (k, 3), (3, N), (k, 3), (2, N), 6, 1, 3)
+    shapes = ((3, N), (3, N), (k, 3), (3, N), (k, 3), (2, N), 6, 1, 5, 3)
     window = Window(*[np.zeros(shape) for shape in shapes])
     window.variance[:] = DIRECTION_STD**2
     window.x[:] = known[0]

@@ -9,7 +9,8 @@ Symbols: D rotation from the body to the gyroscope's frame, as a quaternion.
 import numpy as np
 from numpy.typing import NDArray
 
-from attest.geometry import quaternion, so3
+from attest.geometry import mat3, quaternion, so3
+from attest.geometry.jit import kernel
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -81,10 +82,55 @@ def carry(
     """
     if np.array_equal(t, stamps):
         return y, np.ones(len(t), np.bool_), np.zeros(len(t), np.int64)
-    fixed = quaternion.rotate(at(t, D, stamps), y)
-    left, right = nearest(stamps, t)
-    span = stamps[right] - stamps[left]
-    share = np.where(span > 0, (t - stamps[left]) / np.maximum(span, 1), 0.0)[:, np.newaxis]
-    blended = (1.0 - share) * fixed[left] + share * fixed[right]
-    age = np.minimum(np.abs(t - stamps[left]), np.abs(stamps[right] - t))
-    return quaternion.rotate(quaternion.conjugate(D), blended), age <= max_age, age
+    fixed, body = np.empty_like(y), np.empty((len(t), 3))
+    age = np.empty(len(t), np.int64)
+    fix(t, D, stamps, 0, np.ascontiguousarray(y), fixed)
+    _carry(t, D, stamps, fixed, body, age)
+    return body, age <= max_age, age
+
+
+@kernel
+def last_before(t: Stamps, when: int, i: int) -> int:
+    """Return the last stamp that is not after a time, from one on that is not or is the first."""
+    jump = 1
+    while i + jump < len(t) and t[i + jump] <= when:
+        i += jump
+        jump *= 2
+    while jump > 1:
+        jump //= 2
+        if i + jump < len(t) and t[i + jump] <= when:
+            i += jump
+    return i
+
+
+@kernel
+def fix(t: Stamps, D: Array, stamps: Stamps, shift: int, y: Array, fixed: Array) -> None:
+    """Fill fixed (j, 3) with vectors y in the frame, each at its stamp and a shift, nanoseconds.
+
+    The frame is held before its first stamp and after its last.
+    """
+    i = 0
+    for k in range(len(stamps)):
+        when = min(max(stamps[k] + shift, t[0]), t[-1])
+        i = last_before(t, when, i)
+        q = so3.row4(D, i)
+        if t[i] < when:
+            q = so3.between(q, so3.row4(D, i + 1), (when - t[i]) / (t[i + 1] - t[i]))
+        fixed[k, 0], fixed[k, 1], fixed[k, 2] = mat3.apply(so3.matrix(q), so3.row(y, k))
+
+
+@kernel
+def _carry(t: Stamps, D: Array, stamps: Stamps, fixed: Array, body: Array, age: Stamps) -> None:
+    """Fill body (n, 3) with vectors linear between those of the frame, and their age (n,)."""
+    left = 0
+    for i in range(len(t)):
+        left = last_before(stamps, t[i], left)
+        ahead = stamps[left] < t[i] and left + 1 < len(stamps)
+        right = left + 1 if ahead else left
+        v = so3.row(fixed, left)
+        if ahead:
+            share = (t[i] - stamps[left]) / (stamps[right] - stamps[left])
+            v = so3.add(so3.scale(1.0 - share, v), so3.scale(share, so3.row(fixed, right)))
+        age[i] = min(abs(t[i] - stamps[left]), abs(stamps[right] - t[i]))
+        back = mat3.transpose(so3.matrix(so3.row4(D, i)))
+        body[i, 0], body[i, 1], body[i, 2] = mat3.apply(back, v)

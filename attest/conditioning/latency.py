@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from attest.conditioning import frame
 from attest.conditioning.specific_force import lowest
-from attest.geometry import quaternion
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -41,9 +40,9 @@ def find(t: Stamps, D: Array, stamps: Stamps, y: Array) -> float:
     if near.sum() < 20:
         return 0.0
     u = u / np.linalg.norm(u, axis=1, keepdims=True)
-    misfit = np.empty(len(LATENCIES))
+    misfit, fixed = np.empty(len(LATENCIES)), np.empty_like(u)
     for k, late in enumerate(LATENCIES):
-        fixed = quaternion.rotate(frame.at(t, D, stamps - round(late * 1e9)), u)
+        frame.fix(t, D, stamps, -round(late * 1e9), u, fixed)
         misfit[k] = np.sum(np.diff(fixed, axis=0)[near] ** 2)
     best = int(np.argmin(misfit))
     without = misfit[int(np.argmin(np.abs(LATENCIES)))]

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from attest.conditioning import frame
+from attest.conditioning.rows import largest, split
 from attest.conditioning.timeline import SECOND, Timeline
 from attest.config import Conditioning
 from attest.recording import Note, Signal
@@ -32,7 +33,7 @@ class Measured:
 
 def usable(signal: Signal) -> tuple[Signal, list[Note]]:
     """Leave out vectors that have no direction: of no length, or of none that is real."""
-    length = np.abs(signal.y).max(axis=1)
+    length = largest(signal.y)
     some = np.flatnonzero((length > SHORTEST) & (length < LONGEST))
     if len(some) == len(signal.t):
         return signal, []
@@ -44,7 +45,9 @@ def carried(line: Timeline, signal: Signal, known: Array, config: Conditioning) 
     """Carry a signal by the gyroscope to the timeline."""
     max_age = min(config.max_age_s, config.restart_gap_s / 2.0)  # never across a restart
     body, valid, _ = frame.carry(line.t, line.D, signal.t, signal.y, round(max_age * SECOND))
-    return Measured(unit(body), unit(known), valid, np.linalg.norm(body, axis=1))
+    directions, length = np.empty((len(body), 3)), np.empty(len(body))
+    split(body, directions, length)
+    return Measured(directions, unit(known), valid, length)
 
 
 def unit(v: Array) -> Array:

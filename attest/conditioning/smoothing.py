@@ -68,9 +68,7 @@ def longest_memory(h: Array, gyro: Array) -> float:
     gyro : shape (n, 3)
         Rate, rad/s.
     """
-    bend = np.linalg.norm(np.diff(gyro, n=2, axis=0), axis=1)
-    known = (h[1:-1] > 0.0) & (h[2:] > 0.0)
-    variance = float(np.sum((h[1:-1] * bend)[known] ** 2)) / 144.0
+    variance = directions.bends(h, gyro) / 144.0
     return FRAME_ERROR**2 * float(h.sum()) / variance if variance > 0.0 else np.inf
 
 
@@ -85,9 +83,9 @@ def _low_passed(
     vector: Measured, h: Array, line: Timeline, weight: Array, restart: Mask, tau: float
 ) -> Measured:
     out = np.empty_like(vector.body)
-    y = vector.body * vector.length[:, np.newaxis]
-    directions.low_pass(h, line.D, y, weight, restart, tau, out)
-    return replace(vector, body=unit(out), valid=vector.valid & (np.abs(out).max(axis=1) > 0.0))
+    directions.low_pass(h, line.D, vector.body, vector.length, weight, restart, tau, out)
+    known = np.abs(out[:, 0]) + np.abs(out[:, 1]) + np.abs(out[:, 2]) > 0.0
+    return replace(vector, body=out, valid=vector.valid & known)
 
 
 def _belief(
@@ -97,10 +95,10 @@ def _belief(
     scale = config.magnetometer.disturbance
     if scale is None:
         return mag.valid.astype(float), []
-    # against a vertical that turns in the world the dip is no constant, and strength alone tells
-    share = np.sum(mag.body * accel.body, axis=1) if len(accel.inertial) == 1 else 0.0
-    along = mag.length * share
-    across = np.sqrt(np.maximum(mag.length**2 - along**2, 0.0))
+    along, across = np.empty(len(h)), np.empty(len(h))
+    directions.parts(mag.body, mag.length, accel.body, along, across)
+    if len(accel.inertial) > 1:  # the vertical turns in the world: strength alone tells
+        along, across = np.zeros(len(h)), mag.length
     weight = np.empty(len(h))
     directions.belief(h, along, across, mag.valid, restart, scale, weight)
     disturbed = int(np.sum(mag.valid & (weight < DOUBTED)))
@@ -111,13 +109,13 @@ def _belief(
 
 def _across(mag: Measured, accel: Measured) -> Measured:
     """Keep of the field what is across the accelerometer's direction, in body and world."""
-    body = mag.body - np.sum(mag.body * accel.body, axis=1, keepdims=True) * accel.body
+    body, flat = np.empty_like(mag.body), np.empty(len(mag.body))
+    directions.across(mag.body, accel.body, body, flat)
     share = np.sum(mag.inertial * accel.inertial, axis=1, keepdims=True)
     known = mag.inertial - share * accel.inertial
-    flat = np.linalg.norm(body, axis=1)
     return replace(
         mag,
-        body=unit(body),
+        body=body,
         inertial=unit(known),
         length=mag.length * flat,
         valid=mag.valid & (flat > LEVEL),

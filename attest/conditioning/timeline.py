@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from attest.conditioning import frame
+from attest.conditioning.rows import largest
 from attest.config import Conditioning, Configuration
 from attest.errors import ReadError
 from attest.recording import Note, Recording, Signal, seconds
@@ -50,7 +51,7 @@ def gyroscope(recording: Recording, config: Configuration) -> tuple[Signal, list
             f"{recording.path}: {wanted.sum()} gyroscope samples between start and end; two are "
             f"needed. The log has {len(at)} over {at[-1]:.1f} s."
         )
-    sane = wanted & (np.abs(gyro.y).max(axis=1) < FASTEST)
+    sane = wanted & (largest(gyro.y) < FASTEST)
     wild = int(wanted.sum() - sane.sum())
     if sane.sum() < 2:
         raise ReadError(

@@ -115,6 +115,12 @@ def log(q: Quaternion) -> Vector:
 
 
 @kernel
+def between(a: Quaternion, b: Quaternion, share: float) -> Quaternion:
+    """Return a exp(share log(a^-1 b)), the way from a to b at a constant rate."""
+    return multiply(a, exp(scale(share, log(multiply(conjugate(a), b)))))
+
+
+@kernel
 def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
     """Hamilton product a b."""
     return (

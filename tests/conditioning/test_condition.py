@@ -535,10 +535,12 @@ def test_a_second_direction_that_comes_late_is_led_back_to_the_start():
 def test_rest_is_found_where_there_is_an_accelerometer_to_tell():
     t, slow = stamps(100.0, 20.0), stamps(25.0, 20.0)
     still = {"gyro": gyro(resting, t), "accel": seen(resting, slow, [0.0, 0.0, -9.81])}
-    samples, _ = condition(recording(still), settings())
+    samples, _ = condition(recording(still), settings(conditioning=RawConditioning(rest=True)))
     assert samples.rest.all()
     moving = {"gyro": gyro(tumbling, t), "accel": seen(tumbling, slow, [0.0, 0.0, -9.81])}
-    samples, _ = condition(recording(moving), settings())
+    samples, _ = condition(recording(moving), settings(conditioning=RawConditioning(rest=True)))
     assert not samples.rest.any()
-    samples, _ = condition(recording({"gyro": gyro(resting, t)}), settings())
+    samples, _ = condition(
+        recording({"gyro": gyro(resting, t)}), settings(conditioning=RawConditioning(rest=True))
+    )
     assert samples.rest is None
