@@ -19,7 +19,6 @@ from attest.cli.options import (
 from attest.cli.progress import progress
 from attest.cli.run import open_rrd
 from attest.errors import ConfigError
-from attest.writers import folders
 
 if TYPE_CHECKING:
     from attest.config import Csv
@@ -63,6 +62,7 @@ def compare(
 ) -> None:
     """Run several observers over one log: one MCAP, one Rerun recording, one ranked table."""
     from attest import pipeline, report
+    from attest.writers import folders
 
     if len(observers) < 2:
         raise ConfigError("one observer: nothing to compare with. Name two with -o, or use run.")

@@ -21,7 +21,6 @@ from attest.cli.options import (
 )
 from attest.cli.progress import progress
 from attest.errors import AttestError, ReadError
-from attest.writers import folders
 
 if TYPE_CHECKING:
     from attest.config import Configuration
@@ -87,6 +86,7 @@ def _run_one(
 ) -> Path:
     """Run one log, print what came out, and return the path of the .rrd."""
     from attest import pipeline, report
+    from attest.writers import folders
 
     with progress(log.name, quiet=quiet) as on_stage:
         result = pipeline.run(log, configuration, on_stage)

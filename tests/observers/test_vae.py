@@ -75,7 +75,7 @@ def weighting(case, k, w):
 
 @settings(max_examples=100)
 @given(
-    case=observing.cases(n=2, h=1e-6, drift=0.0),
+    case=observing.cases(n=2, h=1e-7, drift=0.0),
     omega=vectors(2.0),
     k=weights,
     w=st.none() | per_vector,
