@@ -1,0 +1,112 @@
+"""Hand-held trials with an optical truth: the BROAD benchmark's own metric, on trials of each kind.
+
+[BROAD]  D. Laidig, M. Caruso, A. Cereatti, T. Seel, "BROAD: a benchmark for robust inertial
+         orientation estimation", Data 6 (2021).
+"""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+from scipy.spatial.transform import Rotation
+
+from attest import conditioning, observers, pipeline
+from attest.recording import Clock, Recording, Signal
+
+pytestmark = pytest.mark.shared
+
+SLOW, FAST, COMBINED, MAGNET = (
+    "05_undisturbed_slow_rotation_with_breaks_B",
+    "09_undisturbed_fast_rotation_with_breaks_B",
+    "21_undisturbed_fast_combined",
+    "32_disturbed_attached_magnet_1cm",
+)
+GOLDEN = {
+    SLOW: (1.03, 0.35),
+    FAST: (1.21, 0.87),
+    COMBINED: (1.94, 1.18),
+    MAGNET: (1.84, 0.50),
+}
+"""Total and inclination RMSE of ``fts`` with the shipped configuration, degrees."""
+PACKAGE = {SLOW: 0.99, FAST: 1.49, COMBINED: 4.08, MAGNET: 7.67}
+"""Total RMSE of the package vqf 2.1.2, in real time, degrees."""
+
+
+@cache
+def trial(folder, name):
+    """Return a trial: the log, the optical attitude, and which samples are scored."""
+    found = scipy.io.loadmat(folder / "broad" / f"{name}.mat", squeeze_me=True)
+    t = np.round(np.arange(len(found["imu_gyr"])) / float(found["sampling_rate"]) * 1e9)
+    units = {"gyro": ("imu_gyr", 1.0), "accel": ("imu_acc", 1.0), "mag": ("imu_mag", 1e-6)}
+    signals = {
+        kind: Signal(t.astype(np.int64), unit * np.ascontiguousarray(found[key], float), key)
+        for kind, (key, unit) in units.items()
+    }
+    q = np.asarray(found["opt_quat"], float)
+    log = Recording(
+        path=Path(name),
+        format="csv",
+        signals=signals,
+        references={},
+        clock=Clock("of the trial", None),
+        world="enu",
+        body="flu",
+    )
+    return log, q, (found["movement"] > 0.5) & np.isfinite(q).all(axis=1)
+
+
+def errors_deg(q, truth):
+    """Return total, heading and inclination error, degrees, each (n,)."""
+    e = (
+        Rotation.from_quat(q, scalar_first=True)
+        * Rotation.from_quat(truth, scalar_first=True).inv()
+    )
+    w, _, _, z = e.as_quat(scalar_first=True).T
+    total = 2.0 * np.arccos(np.clip(np.abs(w), 0.0, 1.0))
+    heading = 2.0 * np.arctan2(np.abs(z), np.abs(w))
+    inclination = 2.0 * np.arccos(np.clip(np.hypot(w, z), 0.0, 1.0))
+    return np.rad2deg([total, heading, inclination])
+
+
+@cache
+def observed(folder, name, observer, *assignments):
+    """Return the estimated attitude of an observer with its shipped configuration."""
+    configuration = pipeline.configure(observer, assignments)
+    samples, _ = conditioning.condition(trial(folder, name)[0], configuration)
+    return observers.get(observer).estimate(samples, configuration).q
+
+
+def rmse(folder, name, observer):
+    """Return the RMSE of total, heading and inclination error, degrees."""
+    _, truth, scored = trial(folder, name)
+    e = errors_deg(observed(folder, name, observer)[scored], truth[scored])
+    return np.sqrt(np.mean(e**2, axis=1))
+
+
+@pytest.mark.parametrize("name", GOLDEN)
+def test_golden_errors_of_fts(name, shared):
+    total, _, inclination = rmse(shared, name, "fts")
+    assert (total, inclination) == pytest.approx(GOLDEN[name], abs=0.05)
+    assert total < 1.3 * PACKAGE[name]
+
+
+@pytest.mark.parametrize("observer", ["vae", "cgo", "mekf", "game"])
+@pytest.mark.parametrize("name", [FAST, MAGNET])
+def test_every_observer_is_right_to_two_degrees(observer, name, shared):
+    total, _, inclination = rmse(shared, name, observer)
+    assert total < 2.2
+    assert inclination < 1.0
+
+
+@pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.6, 0.64, 0.48)])
+def test_fts_settles_within_ten_seconds_from_half_a_turn(axis, shared):
+    log, truth, _ = trial(shared, SLOW)
+    wrong = Rotation.from_rotvec(np.deg2rad(179.0) * np.array(axis))
+    q = Rotation.from_quat(observed(shared, SLOW, "fts")[0], scalar_first=True) * wrong
+    start = f"initial.attitude={q.as_quat(scalar_first=True).tolist()}"
+    seconds = (log.signals["gyro"].t - log.signals["gyro"].t[0]) * 1e-9
+    seen = np.isfinite(truth).all(axis=1) & (seconds > 10.0) & (seconds < 40.0)
+    late = errors_deg(observed(shared, SLOW, "fts", start)[seen], truth[seen])
+    assert late[0].max() < 5.0
