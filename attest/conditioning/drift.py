@@ -311,10 +311,11 @@ def run(
             window.resting[:] = 0.0
             window.clock[REST_TIME:] = 0.0
         if len(window.f) and not restart[i]:
-            q = so3.normalize(so3.multiply(q, so3.exp(so3.scale(h[i], Omega))))
+            q = so3.multiply(q, so3.exp(so3.scale(h[i], Omega)))
             add(window, so3.matrix(q), Omega_m, y, i, h[i])
             if window.clock[TIME] >= WINDOW and window.clock[COUNT] >= FEWEST:
                 close(window, x, P)
+                q = so3.normalize(q)
     known[0], known[1] = x, np.sqrt(np.maximum(np.diag(P), 0.0))
 
 

@@ -20,6 +20,10 @@ Quaternion = tuple[float, float, float, float]
 ZERO: Vector = (0.0, 0.0, 0.0)
 
 
+CLOSE = 0.9994
+"""Cosine of half the angle between rotations up to which their chord stands for the way."""
+
+
 def as_vector(a: Array) -> Vector:
     """Return an array (3,) as a vector."""
     x, y, z = a.tolist()
@@ -116,7 +120,14 @@ def log(q: Quaternion) -> Vector:
 
 @kernel
 def between(a: Quaternion, b: Quaternion, share: float) -> Quaternion:
-    """Return a exp(share log(a^-1 b)), the way from a to b at a constant rate."""
+    """Return a exp(share log(a^-1 b)), the way from a to b at a constant rate.
+
+    Closer than 4°, the chord is as good to 3e-6 rad, and quicker.
+    """
+    if a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] > CLOSE:
+        c = 1.0 - share
+        w, x = c * a[0] + share * b[0], c * a[1] + share * b[1]
+        return normalize((w, x, c * a[2] + share * b[2], c * a[3] + share * b[3]))
     return multiply(a, exp(scale(share, log(multiply(conjugate(a), b)))))
 
 

@@ -1,6 +1,7 @@
 import numpy as np
 import papers
 from hypothesis import given
+from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.linalg import expm
 from strategies import NEAR, directions, rotations, vectors
@@ -66,3 +67,18 @@ def test_exponential_has_no_seam_where_the_series_takes_over(axis):
     for angle in (0.0, 1e-300, NEAR, 0.9999e-4, 1.0001e-4, np.pi, 2 * np.pi):
         phi = angle * axis
         assert_allclose(so3.exp(so3.as_vector(phi)), quaternion.exp(phi), rtol=1e-14, atol=1e-15)
+
+
+@given(rotations, vectors(0.0625), st.floats(0.0, 1.0))
+def test_between_is_the_way_at_a_constant_rate(q, phi, share):
+    a, b = so3.as_quaternion(q), so3.multiply(so3.as_quaternion(q), so3.exp(so3.as_vector(phi)))
+    exact = so3.multiply(a, so3.exp(so3.scale(share, so3.as_vector(phi))))
+    assert_allclose(so3.between(a, b, share), exact, atol=2e-6)
+
+
+@given(rotations, vectors(2.0), st.floats(0.0, 1.0))
+def test_between_is_the_shorter_way_however_far(q, phi, share):
+    a, b = so3.as_quaternion(q), so3.multiply(so3.as_quaternion(q), so3.exp(so3.as_vector(phi)))
+    exact = so3.multiply(a, so3.exp(so3.scale(share, so3.as_vector(phi))))
+    found = np.array(so3.between(a, b, share))
+    assert_allclose(found * np.sign(found @ np.array(exact)), exact, atol=2e-6)
