@@ -18,6 +18,7 @@ from attest.cli.observers import list_observers
 from attest.cli.reproduce import reproduce
 from attest.cli.run import run
 from attest.cli.simulate import simulate
+from attest.cli.tune import tune
 from attest.errors import AttestError, ConfigError
 
 INTERRUPTED = 130
@@ -85,5 +86,5 @@ def _complain(error: Exception, text: str, *, debug: bool) -> None:
     click.echo(f"attest: {' '.join(text.split())}", err=True)
 
 
-for command in (run, compare, info, simulate, reproduce, list_observers, configuration):
+for command in (run, compare, tune, info, simulate, reproduce, list_observers, configuration):
     cli.add_command(command)

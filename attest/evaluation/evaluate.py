@@ -46,8 +46,8 @@ def evaluate(
     """
     if reference is None:
         return None, ()
-    offset, reference, notes = _in_time(estimates, reference, config)
-    q_ref = _interpolated(estimates, reference, config)
+    offset, reference, notes = in_time(estimates, reference, config)
+    q_ref = interpolated(reference, estimates.t, config)
     scored = np.isfinite(q_ref).all(axis=1)
     if not scored.any():
         text = f"reference {reference.name!r} shares no time with the estimate: nothing to score"
@@ -98,6 +98,7 @@ class _Apart:
 
 def _apart(q: Array, r: Array, config: Evaluation) -> _Apart:
     """Compare the attitudes q with r, shapes (n, 4)."""
+    error_deg = errors_deg(q, r, config)
     misalignment = errors.mean_rotation(quaternion.multiply(quaternion.conjugate(r), q))
     if config.apply_misalignment:
         q = quaternion.multiply(q, quaternion.conjugate(misalignment))
@@ -106,7 +107,7 @@ def _apart(q: Array, r: Array, config: Evaluation) -> _Apart:
     turned = errors.turned(q_e, psi)
     flat = errors.angles(turned)[:, 0]
     return _Apart(
-        error_deg=np.rad2deg(errors.angles(turned if config.apply_heading_offset else q_e)),
+        error_deg=error_deg,
         heading_offset_deg=float(np.rad2deg(psi)),
         without_heading_offset=errors.statistics(np.rad2deg(flat)),
         misalignment=misalignment,
@@ -123,7 +124,7 @@ def _settled(
     return float(t[first] - t[0]) * 1e-9, errors.statistics(total_deg[first:])
 
 
-def _in_time(
+def in_time(
     estimates: Estimates, reference: Reference, config: Evaluation
 ) -> tuple[float | None, Reference, tuple[Note, ...]]:
     """Find the time offset of the reference, and shift it if that is asked for."""
@@ -135,9 +136,22 @@ def _in_time(
     return offset, replace(reference, t=reference.t - round(offset * SECOND)), (note,)
 
 
-def _interpolated(estimates: Estimates, reference: Reference, config: Evaluation) -> Array:
+def interpolated(reference: Reference, t: NDArray[np.int64], config: Evaluation) -> Array:
+    """Return the reference at these times, NaN where it has a gap, shape (n, 4)."""
     gap = round(min(config.longest_gap_s, 1e9) * SECOND)
-    return quaternion.slerp(reference.t, reference.q, estimates.t, gap)
+    return quaternion.slerp(reference.t, reference.q, t, gap)
+
+
+def errors_deg(q: Array, r: Array, config: Evaluation) -> Array:
+    """Return total, heading and inclination error of q against r, as configured, shape (n, 3)."""
+    if config.apply_misalignment:
+        misalignment = errors.mean_rotation(quaternion.multiply(quaternion.conjugate(r), q))
+        q = quaternion.multiply(q, quaternion.conjugate(misalignment))
+    q_e = errors.attitude_error(q, r)
+    if config.apply_heading_offset:
+        q_e = errors.turned(q_e, errors.heading_offset(q_e))
+    found: Array = np.rad2deg(errors.angles(q_e))
+    return found
 
 
 def _bias(

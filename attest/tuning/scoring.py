@@ -1,0 +1,170 @@
+"""How far an observer with candidate gains is from the references of the logs.
+
+Each log is read once. Conditioned samples are kept as well, unless keys of conditioning are tuned.
+
+A log's samples are of a block each; a part is a union of blocks: all of them, all but one, or one.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from attest import conditioning, evaluation, inspection, observers, pipeline
+from attest.config import Configuration
+from attest.errors import ConfigError, ReadError
+from attest.recording import Recording, Reference
+from attest.samples import Samples
+
+Array = NDArray[np.float64]
+
+METRICS = ("total", "heading", "inclination")
+NOWHERE = -1
+"""The block of a sample that is not scored."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Log:
+    """A log, ready for an observer."""
+
+    path: Path
+    recording: Recording | None
+    """None where its conditioning never changes."""
+    samples: Samples
+    reference: Reference
+    q_ref: Array
+    """The reference at the samples, NaN where it has none, shape (n, 4)."""
+    doubts: tuple[str, ...]
+    """What is doubtful about its data."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Task:
+    """What candidates are scored by."""
+
+    logs: tuple[Log, ...]
+    blocks: tuple[NDArray[np.int64], ...]
+    """The block of each sample of each log, `NOWHERE` where it is not scored."""
+    parts: NDArray[np.bool_]
+    """Which blocks each part has, shape (parts, blocks)."""
+    metric: str
+
+
+def prepare(path: Path, configuration: Configuration, *, reconditioned: bool) -> Log:
+    """Read and condition a log, and bring its reference to its samples.
+
+    The recording is kept where candidates differ in their conditioning.
+
+    Raises
+    ------
+    ReadError
+        It cannot be used, or has no reference.
+    """
+    recording = pipeline.read(path, configuration)
+    reference = evaluation.choose(recording, configuration.evaluation.reference)
+    if reference is None:
+        raise ReadError(
+            f"{path}: no reference to tune towards. Name a file that has it with --reference."
+        )
+    samples, notes = conditioning.condition(recording, configuration)
+    if configuration.evaluation.apply_time_offset:
+        estimates = observers.get(configuration.observer).estimate(samples, configuration)
+        _, reference, _ = evaluation.in_time(estimates, reference, configuration.evaluation)
+    q_ref = evaluation.interpolated(reference, samples.t, configuration.evaluation)
+    if not np.isfinite(q_ref).all(axis=1).any():
+        raise ReadError(
+            f"{path}: reference {reference.name!r} shares no time with the gyroscope. "
+            "Name another with --reference."
+        )
+    told = [*recording.notes, *inspection.doubts(recording), *notes]
+    doubts = tuple(note.text for note in told if note.doubt)
+    return Log(path, recording if reconditioned else None, samples, reference, q_ref, doubts)
+
+
+def in_time(log: Log, count: int, skip_s: float) -> NDArray[np.int64]:
+    """Return the blocks of a log's samples, `count` of them of equal length one after another."""
+    scored, t = _scored(log, skip_s), log.samples.t
+    first, last = int(t[scored][0]), int(t[scored][-1])
+    block = np.minimum((t - first) * count // max(last - first, 1), count - 1)
+    return np.where(scored, block, NOWHERE)
+
+
+def as_one(log: Log, block: int, skip_s: float) -> NDArray[np.int64]:
+    """Return the blocks of a log's samples, all of them the same."""
+    return np.where(_scored(log, skip_s), block, NOWHERE)
+
+
+def _scored(log: Log, skip_s: float) -> NDArray[np.bool_]:
+    t = log.samples.t
+    scored: NDArray[np.bool_] = np.isfinite(log.q_ref).all(axis=1) & (t - t[0] >= skip_s * 1e9)
+    if not scored.any():
+        raise ReadError(
+            f"{log.path}: its reference has no sample after {skip_s:g} s. Lower --skip."
+        )
+    return scored
+
+
+def counts(task: Task) -> Array:
+    """Return how many samples are scored, shape (logs, parts)."""
+    each = [np.bincount(b[b != NOWHERE], minlength=task.parts.shape[1]) for b in task.blocks]
+    return np.array(each, float) @ task.parts.T
+
+
+def squares(task: Task, configuration: Configuration) -> Array:
+    """Return the sums of squared errors, degrees², shape (logs, parts).
+
+    Raises
+    ------
+    AttestError
+        The observer does not run with this configuration, or its estimates are no numbers.
+    """
+    with np.errstate(all="ignore"):  # a candidate may well diverge
+        found = np.stack(
+            [
+                _of_log(task, log, block, configuration)
+                for log, block in zip(task.logs, task.blocks, strict=True)
+            ]
+        )
+    if not np.isfinite(found).all():
+        raise ConfigError(f"{configuration.observer}: the errors are no numbers. Lower the gains.")
+    return found
+
+
+def _of_log(task: Task, log: Log, block: NDArray[np.int64], configuration: Configuration) -> Array:
+    """Return a log's sums, shape (parts,).
+
+    Constants that the evaluation takes out are those of each part, so that no part tells another.
+    """
+    samples = log.samples
+    if log.recording is not None:
+        samples, _ = conditioning.condition(log.recording, configuration)
+        if not np.array_equal(samples.t, log.samples.t):
+            raise ConfigError("the candidate's conditioning changes the times that are scored.")
+    q = observers.get(configuration.observer).estimate(samples, configuration).q
+    scored, column = block != NOWHERE, METRICS.index(task.metric)
+    if _takes_out(configuration):
+        parts = [scored & part[block] for part in task.parts]
+        return np.array([_square(q, log, at, configuration, column).sum() for at in parts])
+    square = _square(q, log, scored, configuration, column)
+    return np.bincount(block[scored], square, task.parts.shape[1]).astype(float) @ task.parts.T
+
+
+def _takes_out(configuration: Configuration) -> bool:
+    evaluated = configuration.evaluation
+    return evaluated.apply_heading_offset or evaluated.apply_misalignment
+
+
+def _square(
+    q: Array, log: Log, at: NDArray[np.bool_], configuration: Configuration, column: int
+) -> Array:
+    if not at.any():
+        return np.zeros(0)
+    error = evaluation.errors_deg(q[at], log.q_ref[at], configuration.evaluation)[:, column]
+    return error**2
+
+
+def mean_rmse(sums: Array, number: Array) -> float:
+    """Return the mean over logs of the root mean square, degrees, of sums and counts (logs,)."""
+    there = number > 0
+    return float(np.mean(np.sqrt(sums[there] / number[there]))) if there.any() else np.nan
