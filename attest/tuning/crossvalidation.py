@@ -51,7 +51,7 @@ def tune(
         raise ConfigError("--reference none: tuning needs one. Name it, or leave the option out.")
     tell: Tell = on_stage or (lambda _: None)
     tuned = knobs(configuration, plan.key, plan.factor)
-    logs, failed = _prepared(paths, configuration, tuned, tell)
+    logs, failed = _prepared(paths, configuration, plan, tuned, tell)
     task, names = _task(logs, plan)
     with _lanes(plan.jobs) as lanes:
         runs = _Runs(task, configuration, tuned, lanes)
@@ -72,7 +72,11 @@ def tune(
 
 
 def _prepared(
-    paths: Sequence[Path], configuration: Configuration, tuned: Sequence[Knob], tell: Tell
+    paths: Sequence[Path],
+    configuration: Configuration,
+    plan: Plan,
+    tuned: Sequence[Knob],
+    tell: Tell,
 ) -> tuple[tuple[Log, ...], dict[str, str]]:
     """Return the logs that can be used, and of the others why not."""
     reconditioned = any(knob.key.startswith("conditioning.") for knob in tuned)
@@ -80,11 +84,13 @@ def _prepared(
     for path in paths:
         tell(f"reading {path.name}")
         try:
-            logs.append(scoring.prepare(path, configuration, reconditioned=reconditioned))
+            log = scoring.prepare(path, configuration, plan.skip, reconditioned=reconditioned)
         except AttestError as error:
             if len(paths) == 1:
                 raise
             failed[str(path)] = str(error)
+        else:
+            logs.append(log)
     if not logs:
         raise ReadError(f"none of {len(paths)} logs can be used. {next(iter(failed.values()))}")
     return tuple(logs), failed
@@ -94,11 +100,11 @@ def _task(logs: tuple[Log, ...], plan: Plan) -> tuple[Task, list[str]]:
     """Cut the data into folds, and name these."""
     if len(logs) == 1:
         count = plan.folds
-        blocks = [scoring.in_time(logs[0], count, plan.skip)]
+        blocks = [scoring.in_time(logs[0], count)]
         names = [f"block {fold + 1} of {count}" for fold in range(count)]
     else:
         count = min(plan.folds, len(logs))
-        blocks = [scoring.as_one(log, i % count, plan.skip) for i, log in enumerate(logs)]
+        blocks = [scoring.as_one(log, i % count) for i, log in enumerate(logs)]
         names = [", ".join(log.path.name for log in logs[fold::count]) for fold in range(count)]
     one = np.eye(count, dtype=np.bool_)
     parts = np.concatenate([np.ones((1, count), np.bool_), ~one, one])

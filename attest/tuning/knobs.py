@@ -77,7 +77,7 @@ def configured(
     ConfigError
         The values do not go together.
     """
-    document = deepcopy(config.effective(configuration))
+    document = config.effective(configuration)
     for knob, value in zip(tuned, values, strict=True):
         _assign(document, knob.key, value)
     return config.validate(type(configuration), document, configuration.observer)
@@ -155,11 +155,9 @@ def _refuse(configuration: Configuration, document: Mapping[str, Any], key: str)
         raise ConfigError(f"--key {key}: only keys of {', '.join(TUNABLE)} can be tuned.")
     try:
         value = _value(document, key)
-    except KeyError:
-        # says what is unknown, and what is known there
-        config.validate(type(configuration), _with_unknown(document, key), f"--key {key}")
-        raise
-    except (IndexError, TypeError):
+    except (KeyError, IndexError, TypeError) as error:
+        if isinstance(error, KeyError):  # says what is unknown, and what is known there
+            config.validate(type(configuration), _with_unknown(document, key), f"--key {key}")
         raise ConfigError(f"--key {key}: no such key. See `attest config show`.") from None
     if not _numbers(value):
         raise ConfigError(f"--key {key}: no positive number. Give it one with --set, or leave it.")

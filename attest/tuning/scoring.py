@@ -35,6 +35,8 @@ class Log:
     reference: Reference
     q_ref: Array
     """The reference at the samples, NaN where it has none, shape (n, 4)."""
+    scored: NDArray[np.bool_]
+    """Which samples are scored, shape (n,)."""
     doubts: tuple[str, ...]
     """What is doubtful about its data."""
 
@@ -51,7 +53,7 @@ class Task:
     metric: str
 
 
-def prepare(path: Path, configuration: Configuration, *, reconditioned: bool) -> Log:
+def prepare(path: Path, configuration: Configuration, skip_s: float, *, reconditioned: bool) -> Log:
     """Read and condition a log, and bring its reference to its samples.
 
     The recording is kept where candidates differ in their conditioning.
@@ -72,37 +74,41 @@ def prepare(path: Path, configuration: Configuration, *, reconditioned: bool) ->
         estimates = observers.get(configuration.observer).estimate(samples, configuration)
         _, reference, _ = evaluation.in_time(estimates, reference, configuration.evaluation)
     q_ref = evaluation.interpolated(reference, samples.t, configuration.evaluation)
-    if not np.isfinite(q_ref).all(axis=1).any():
-        raise ReadError(
-            f"{path}: reference {reference.name!r} shares no time with the gyroscope. "
-            "Name another with --reference."
-        )
     told = [*recording.notes, *inspection.doubts(recording), *notes]
-    doubts = tuple(note.text for note in told if note.doubt)
-    return Log(path, recording if reconditioned else None, samples, reference, q_ref, doubts)
+    return Log(
+        path=path,
+        recording=recording if reconditioned else None,
+        samples=samples,
+        reference=reference,
+        q_ref=q_ref,
+        scored=_scored(path, samples, q_ref, skip_s),
+        doubts=tuple(note.text for note in told if note.doubt),
+    )
 
 
-def in_time(log: Log, count: int, skip_s: float) -> NDArray[np.int64]:
-    """Return the blocks of a log's samples, `count` of them of equal length one after another."""
-    scored, t = _scored(log, skip_s), log.samples.t
-    first, last = int(t[scored][0]), int(t[scored][-1])
-    block = np.minimum((t - first) * count // max(last - first, 1), count - 1)
-    return np.where(scored, block, NOWHERE)
-
-
-def as_one(log: Log, block: int, skip_s: float) -> NDArray[np.int64]:
-    """Return the blocks of a log's samples, all of them the same."""
-    return np.where(_scored(log, skip_s), block, NOWHERE)
-
-
-def _scored(log: Log, skip_s: float) -> NDArray[np.bool_]:
-    t = log.samples.t
-    scored: NDArray[np.bool_] = np.isfinite(log.q_ref).all(axis=1) & (t - t[0] >= skip_s * 1e9)
-    if not scored.any():
+def _scored(path: Path, samples: Samples, q_ref: Array, skip_s: float) -> NDArray[np.bool_]:
+    told = np.isfinite(q_ref).all(axis=1)
+    if not told.any():
         raise ReadError(
-            f"{log.path}: its reference has no sample after {skip_s:g} s. Lower --skip."
+            f"{path}: its reference shares no time with the gyroscope. Name one with --reference."
         )
+    scored: NDArray[np.bool_] = told & (samples.t - samples.t[0] >= skip_s * 1e9)
+    if not scored.any():
+        raise ReadError(f"{path}: no reference after the first {skip_s:g} s. Lower --skip.")
     return scored
+
+
+def in_time(log: Log, count: int) -> NDArray[np.int64]:
+    """Return the blocks of a log's samples, `count` of them of equal length one after another."""
+    t = log.samples.t
+    first, last = (int(x) for x in t[log.scored][[0, -1]])
+    block = np.minimum((t - first) * count // max(last - first, 1), count - 1)
+    return np.where(log.scored, block, NOWHERE)
+
+
+def as_one(log: Log, block: int) -> NDArray[np.int64]:
+    """Return the blocks of a log's samples, all of them the same."""
+    return np.where(log.scored, block, NOWHERE)
 
 
 def counts(task: Task) -> Array:

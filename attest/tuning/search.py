@@ -7,12 +7,12 @@ weights of the better half of a generation; y their steps in units of sigma. Onl
 are used.
 
 A point outside is put on the border, and taken for where it was put. Points without a finite value
-come last; where none has one, the next points are looked for nearer to the middle.
+come last; where none has one but the start, the next points are looked for nearer to it.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import exp, sqrt
+from math import exp, isfinite, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,7 +89,10 @@ def least(
         if values[first] < value:
             best, value = points[first], float(values[first])
         on_generation(value)
-        spread = learnt(spread, rates, points, values)
+        if np.isfinite(values).any():
+            spread = learnt(spread, rates, points, values)
+        elif isfinite(value):
+            spread = replace(spread, sigma=0.5 * spread.sigma)
         if spread.sigma * sqrt(float(np.linalg.eigvalsh(spread.C)[-1])) < CONVERGED:
             break
     return best, value
@@ -125,8 +128,6 @@ def draw(spread: Spread, rng: np.random.Generator) -> Array:
 
 def learnt(spread: Spread, rates: Rates, points: Array, values: Array) -> Spread:
     """Move to the better half of a generation, and take its form."""
-    if not np.isfinite(values).any():
-        return replace(spread, sigma=0.5 * spread.sigma)
     m, C, sigma, count = spread.m, spread.C, spread.sigma, spread.count + 1
     w, c_s, c_c = rates.w, rates.c_s, rates.c_c
     y = (points[np.argsort(values, kind="stable")[: len(w)]] - m) / sigma

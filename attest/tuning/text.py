@@ -13,6 +13,9 @@ from attest.tuning.plan import Errors, Tuned
 
 AUTOPILOT = "an autopilot's attitude is not truth: what is tuned towards it becomes like it"
 
+BORDER = 1e-3
+"""Share of a key's range in which a value is at its end."""
+
 
 def yaml_of_tuning(tuned: Tuned, configuration: Configuration) -> str:
     """Return a configuration to run with, and in its head what it is worth."""
@@ -101,12 +104,14 @@ def _of(tuned: Tuned) -> str:
 
 
 def _values(tuned: Tuned) -> Iterator[str]:
-    yield f"  {'key':34s}{'start':>12s}{'tuned':>12s}   tuned without each fold"
-    at_border = points_of(tuned.knobs, tuned.values)
+    yield f"  {'key':34s}{'start':>12s}{'tuned':>12s}    without each fold"
+    points = points_of(tuned.knobs, tuned.values)
     for i, (knob, values) in enumerate(zip(tuned.knobs, tuned.values, strict=True)):
-        each = " ".join(_shown(fold.values[i]) for fold in tuned.folds)
-        border = " (at its border)" if not 0.001 < at_border[i] < 0.999 else ""
-        yield f"  {knob.key:34s}{_shown(knob.start):>12s}{_shown(values):>12s}   {each}{border}"
+        each = "  ".join(_shown(fold.values[i]) for fold in tuned.folds)
+        mark = " " if BORDER < points[i] < 1.0 - BORDER else "*"
+        yield f"  {knob.key:34s}{_shown(knob.start):>12s}{_shown(values):>12s}{mark}   {each}"
+    if not all(BORDER < point < 1.0 - BORDER for point in points):
+        yield "  * as far as it may go: by --factor, or by the theory"
 
 
 def _errors(tuned: Tuned) -> Iterator[str]:
