@@ -130,10 +130,9 @@ def _borders(configuration: Configuration, key: str) -> Iterator[tuple[str, floa
     for name in key.split("."):
         if not isinstance(section, Section):
             return
-        fields = type(section).model_json_schema()["properties"]
         inner = getattr(section, name)
         if not isinstance(inner, Section):
-            yield from _limits(fields[name])
+            yield from _limits(type(section).model_json_schema()["properties"][name])
         section = inner
 
 

@@ -1,0 +1,197 @@
+"""Tuning on logs with truth: it helps where it can, looks at nothing held back, and says so."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from attest import config, observers, pipeline, tuning
+from attest.errors import ConfigError, ReadError
+from attest.geometry import quaternion
+from attest.tuning import Errors, Plan, scoring
+
+SLACK = ["gains.k_p=5"]
+"""A gain that follows the noise of the vectors."""
+SHORT = Plan(generations=6)
+
+
+@pytest.fixture(scope="module")
+def log(sample_logs):
+    return sample_logs / "quadcopter.tlog"
+
+
+@pytest.fixture(scope="module")
+def slack():
+    return pipeline.configure("cgo", SLACK)
+
+
+@pytest.fixture(scope="module")
+def tuned(log, slack):
+    return tuning.tune([log], slack, SHORT)
+
+
+def test_bad_gains_become_better_on_what_was_held_back(tuned):
+    assert tuned.worthwhile
+    assert tuned.held_back.tuned < 0.8 * tuned.held_back.start
+    assert tuned.training.tuned <= tuned.held_back.tuned
+
+
+def test_scores_are_those_of_run(tuned, log, slack, tmp_path):
+    assert pipeline.run(log, slack).metrics.total.rmse == pytest.approx(tuned.training.start)
+    found = tmp_path / "tuned.yaml"
+    found.write_text(tuning.yaml_of_tuning(tuned, slack), encoding="utf-8")
+    again = pipeline.configure(str(found))
+    assert again == tuned.configuration(slack)
+    assert pipeline.run(log, again).metrics.total.rmse == pytest.approx(tuned.training.tuned)
+
+
+@pytest.mark.parametrize("metric", ["heading", "inclination"])
+def test_metric_is_that_of_run(log, slack, metric):
+    found = tuning.tune([log], slack, Plan(metric=metric, generations=1))
+    expected = getattr(pipeline.run(log, slack).metrics, metric).rmse
+    assert found.training.start == pytest.approx(expected)
+
+
+def test_with_the_starting_gains_blocks_together_are_the_whole(tuned):
+    assert tuned.held_back.start == pytest.approx(tuned.training.start)
+    assert [fold.held_back for fold in tuned.folds] == [f"block {i} of 4" for i in (1, 2, 3, 4)]
+
+
+@pytest.mark.parametrize("jobs", [1, 3])
+def test_same_seed_gives_the_same_whatever_the_lanes(tuned, log, slack, jobs):
+    again = tuning.tune([log], slack, replace(SHORT, jobs=jobs))
+    assert tuning.yaml_of_tuning(again, slack) == tuning.yaml_of_tuning(tuned, slack)
+
+
+def test_another_seed_draws_others(tuned, log, slack):
+    assert tuning.tune([log], slack, replace(SHORT, seed=1)).values != tuned.values
+
+
+@pytest.mark.parametrize("key", ["apply_heading_offset", "apply_misalignment", None])
+def test_what_is_held_back_is_not_looked_at(log, monkeypatch, key):
+    given = pipeline.configure("cgo", [*SLACK, *([f"evaluation.{key}=true"] if key else [])])
+    prepare = scoring.prepare
+    plan = Plan(generations=3)
+    clean = tuning.tune([log], given, plan)
+
+    def spoilt(*arguments, **options):
+        found = prepare(*arguments, **options)
+        last = scoring.in_time(found, plan.folds) == plan.folds - 1
+        turned = quaternion.multiply(np.array([0.6, 0.0, 0.8, 0.0]), found.q_ref)
+        q_ref = np.where(last[:, np.newaxis], turned[::-1], found.q_ref)
+        return replace(found, q_ref=np.where(np.isfinite(found.q_ref), q_ref, np.nan))
+
+    monkeypatch.setattr(scoring, "prepare", spoilt)
+    other = tuning.tune([log], given, plan)
+    assert other.folds[-1].values == clean.folds[-1].values
+    assert other.folds[-1].training == clean.folds[-1].training
+    assert other.folds[-1].error.start > 10.0 * clean.folds[-1].error.start
+    assert other.values != clean.values
+
+
+def test_of_several_logs_each_is_held_back_in_its_turn(sample_logs, slack):
+    logs = [sample_logs / name for name in ("quadcopter.tlog", "quadcopter.BIN", "quadcopter.ulg")]
+    found = tuning.tune(logs, slack, replace(SHORT, generations=2))
+    assert [fold.held_back for fold in found.folds] == [log.name for log in logs]
+    alone = [pipeline.run(log, slack).metrics.total.rmse for log in logs]
+    assert found.training.start == pytest.approx(np.mean(alone))
+    assert [fold.error.start for fold in found.folds] == pytest.approx(alone)
+    assert found.folds[0].training.start == pytest.approx(np.mean(alone[1:]))
+    assert found.held_back.tuned == pytest.approx(
+        np.mean([fold.error.tuned for fold in found.folds])
+    )
+
+
+def test_more_logs_than_folds_are_held_back_together(sample_logs, slack):
+    logs = [sample_logs / name for name in ("quadcopter.tlog", "quadcopter.BIN", "quadcopter.ulg")]
+    found = tuning.tune(logs, slack, Plan(folds=2, generations=1))
+    assert [fold.held_back for fold in found.folds] == [
+        "quadcopter.tlog, quadcopter.ulg",
+        "quadcopter.BIN",
+    ]
+
+
+def test_log_that_cannot_be_used_is_left_out_and_told(sample_logs, slack, tmp_path):
+    bad = tmp_path / "bad.tlog"
+    bad.write_bytes(b"nothing of use")
+    logs = [sample_logs / "quadcopter.tlog", bad, sample_logs / "quadcopter.ulg"]
+    found = tuning.tune(logs, slack, Plan(generations=1))
+    assert list(found.failed) == [str(bad)]
+    assert len(found.folds) == 2
+    said = f"left out: {found.failed[str(bad)]}"
+    assert said in tuning.text_of_tuning(found, slack)
+    assert f"# {said}" in tuning.yaml_of_tuning(found, slack)
+    with pytest.raises(ReadError, match=r"none of 2 logs can be used\. .*bad\.tlog"):
+        tuning.tune([bad, bad], slack, SHORT)
+
+
+def test_keys_of_conditioning_are_tuned_by_conditioning_again(log):
+    start = pipeline.configure("wahba", ["conditioning.smoothing.mag_s=0.01"])
+    plan = Plan(key=("conditioning.smoothing.mag_s",), factor=1e3, generations=3)
+    found = tuning.tune([log], start, plan)
+    assert found.worthwhile
+    run = pipeline.run(log, found.configuration(start))
+    assert run.metrics.total.rmse == pytest.approx(found.training.tuned)
+
+
+def test_candidates_that_diverge_are_the_worst(log, slack, monkeypatch):
+    observer = observers.get("cgo")
+
+    def fragile(samples, given):
+        if given.gains.k_p > 1.0:
+            raise ConfigError("cgo: the estimate is no number any more")
+        return observer.estimate(samples, given)
+
+    monkeypatch.setattr(observers, "get", lambda _: replace(observer, estimate=fragile))
+    found = tuning.tune([log], slack, SHORT)
+    assert found.training.start == np.inf
+    assert np.isfinite(found.training.tuned)
+    assert found.worthwhile
+    assert "no number" in tuning.text_of_tuning(found, slack)
+
+
+def test_observer_that_never_runs_says_why(log):
+    given = pipeline.configure("cgo", ["weights.w={sun: 2.0}"])
+    with pytest.raises(ConfigError, match="names sun, and none is used"):
+        tuning.tune([log], given, Plan(generations=2))
+
+
+def test_gains_that_are_not_worth_it_are_not_given(tuned, slack):
+    chance = replace(tuned, held_back=Errors(start=1.0, tuned=0.995))
+    assert not chance.worthwhile
+    assert chance.configuration(slack) == slack
+    assert "# Tuning is NOT worthwhile" in tuning.yaml_of_tuning(chance, slack)
+    assert tuning.describe(chance, slack)["configuration"] == config.effective(slack)
+
+
+def test_autopilots_attitude_is_said_not_to_be_truth(log):
+    given = pipeline.configure("cgo", ["evaluation.reference=ATTITUDE"])
+    found = tuning.tune([log], given, Plan(generations=1))
+    said = "an autopilot's attitude is not truth: what is tuned towards it becomes like it"
+    assert f"! {said}" in tuning.text_of_tuning(found, given)
+    assert f"# {said}" in tuning.yaml_of_tuning(found, given)
+
+
+def test_name_with_a_line_break_stays_in_the_comment(tuned, slack):
+    (log,) = tuned.logs
+    named = replace(tuned, logs=(replace(log, path=log.path.with_name("a\nobserver: vae")),))
+    text = tuning.yaml_of_tuning(named, slack)
+    assert text.count("\nobserver:") == 1
+    assert "# " in text
+
+
+def test_beginning_can_be_left_out(log, slack):
+    found = tuning.tune([log], slack, Plan(skip=30.0, generations=1))
+    result = pipeline.run(log, slack)
+    late = result.samples.t - result.samples.t[0] >= 30_000_000_000
+    error = result.metrics.error_deg[late & np.isfinite(result.metrics.error_deg[:, 0]), 0]
+    assert found.training.start == pytest.approx(np.sqrt(np.mean(error**2)))
+
+
+def test_one_block_with_a_reference_is_too_little(log, slack, monkeypatch):
+    def only_ends(*arguments, real=scoring.in_time):
+        return np.where(real(*arguments) == 0, 0, scoring.NOWHERE)
+
+    monkeypatch.setattr(scoring, "in_time", only_ends)
+    with pytest.raises(ReadError, match="the reference is in one block of time only"):
+        tuning.tune([log], slack, Plan(generations=1))
