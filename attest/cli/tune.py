@@ -40,7 +40,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--folds": {
         "default": 4,
         "type": click.IntRange(2, 100),
-        "help": "Parts, each held back once: of the logs, or blocks in time of one log.",
+        "help": "Parts, each held back in turn: logs, or blocks in time of one log.",
     },
     "--skip": {
         "default": 0.0,

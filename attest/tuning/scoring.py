@@ -149,11 +149,17 @@ def _of_log(task: Task, log: Log, block: NDArray[np.int64], configuration: Confi
             raise ConfigError("the candidate's conditioning changes the times that are scored.")
     q = observers.get(configuration.observer).estimate(samples, configuration).q
     scored, column = block != NOWHERE, METRICS.index(task.metric)
-    if _takes_out(configuration):
-        parts = [scored & part[block] for part in task.parts]
-        return np.array([_square(q, log, at, configuration, column).sum() for at in parts])
-    square = _square(q, log, scored, configuration, column)
-    return np.bincount(block[scored], square, task.parts.shape[1]).astype(float) @ task.parts.T
+    if not _takes_out(configuration):
+        square = _square(q, log, scored, configuration, column)
+        return np.bincount(block[scored], square, task.parts.shape[1]).astype(float) @ task.parts.T
+    # parts that have the same blocks of this log are scored once
+    there = np.unique(block[scored])
+    kinds, which = np.unique(task.parts[:, there], axis=0, return_inverse=True)
+    sums = np.zeros(len(kinds))
+    for i, kind in enumerate(kinds):
+        at = scored & np.isin(block, there[kind])
+        sums[i] = _square(q, log, at, configuration, column).sum()
+    return sums[which.reshape(-1)]
 
 
 def _takes_out(configuration: Configuration) -> bool:

@@ -72,10 +72,7 @@ def text_of_tuning(tuned: Tuned, configuration: Configuration) -> str:
     """Return a table for people."""
     lines = [
         f"{_of(tuned)}  {configuration.observer}",
-        *(
-            f"  {log.path.name:24s}{log.reference.name} ({log.reference.kind})"
-            for log in tuned.logs
-        ),
+        *(f"  {log.path.name}  {log.reference.name} ({log.reference.kind})" for log in tuned.logs),
         "",
         *_values(tuned),
         "",
@@ -104,18 +101,18 @@ def _of(tuned: Tuned) -> str:
 
 
 def _values(tuned: Tuned) -> Iterator[str]:
-    yield f"  {'key':34s}{'start':>12s}{'tuned':>12s}    without each fold"
+    yield f"  {'key':44s}{'start':>12s}{'tuned':>12s}    without each fold"
     points = points_of(tuned.knobs, tuned.values)
     for i, (knob, values) in enumerate(zip(tuned.knobs, tuned.values, strict=True)):
         each = "  ".join(_shown(fold.values[i]) for fold in tuned.folds)
         mark = " " if BORDER < points[i] < 1.0 - BORDER else "*"
-        yield f"  {knob.key:34s}{_shown(knob.start):>12s}{_shown(values):>12s}{mark}   {each}"
+        yield f"  {knob.key:44s}{_shown(knob.start):>12s}{_shown(values):>12s}{mark}   {each}"
     if not all(BORDER < point < 1.0 - BORDER for point in points):
         yield "  * as far as it may go: by --factor, or by the theory"
 
 
 def _errors(tuned: Tuned) -> Iterator[str]:
-    yield f"  {tuned.plan.metric + ' RMSE':34s}{'start':>12s}{'tuned':>12s}"
+    yield f"  {tuned.plan.metric + ' RMSE':44s}{'start':>12s}{'tuned':>12s}"
     for fold in tuned.folds:
         yield _row(f"without {fold.held_back}", fold.training)
         yield _row("  held back", fold.error)
@@ -124,7 +121,7 @@ def _errors(tuned: Tuned) -> Iterator[str]:
 
 
 def _row(name: str, errors: Errors) -> str:
-    return f"  {name:34.34s}{_degrees(errors.start):>12s}{_degrees(errors.tuned):>12s}"
+    return f"  {name:44.44s}{_degrees(errors.start):>12s}{_degrees(errors.tuned):>12s}"
 
 
 def _verdict(tuned: Tuned) -> str:

@@ -195,3 +195,12 @@ def test_one_block_with_a_reference_is_too_little(log, slack, monkeypatch):
     monkeypatch.setattr(scoring, "in_time", only_ends)
     with pytest.raises(ReadError, match="the reference is in one block of time only"):
         tuning.tune([log], slack, Plan(generations=1))
+
+
+@pytest.mark.shared
+def test_flight_of_a_quadplane_is_held_back_with_gain(shared):
+    """4.01° to 2.70° with 25 generations."""
+    path, given = shared / "tlog" / "quadplane_sitl.tlog", pipeline.configure("mekf")
+    found = tuning.tune([path], given, Plan(generations=8))
+    assert found.worthwhile
+    assert found.held_back.tuned < 0.8 * found.held_back.start
