@@ -49,6 +49,7 @@ def tune(
     """
     if configuration.evaluation.reference == "none":
         raise ConfigError("--reference none: tuning needs one. Name it, or leave the option out.")
+    _refuse_twice(paths)
     tell: Tell = on_stage or (lambda _: None)
     tuned = knobs(configuration, plan.key, plan.factor)
     logs, failed = _prepared(paths, configuration, plan, tuned, tell)
@@ -69,6 +70,15 @@ def tune(
         folds=tuple(folds.values()),
         candidates=runs.candidates,
     )
+
+
+def _refuse_twice(paths: Sequence[Path]) -> None:
+    """Refuse a log that is named twice: held back, it would still be among the others."""
+    seen: set[Path] = set()
+    for path in paths:
+        if path.resolve() in seen:
+            raise ConfigError(f"{path}: named twice, so that it cannot be held back. Name it once.")
+        seen.add(path.resolve())
 
 
 def _prepared(

@@ -114,6 +114,7 @@ def test_more_logs_than_folds_are_held_back_together(sample_logs, slack):
 def test_log_that_cannot_be_used_is_left_out_and_told(sample_logs, slack, tmp_path):
     bad = tmp_path / "bad.tlog"
     bad.write_bytes(b"nothing of use")
+    worse = tmp_path / "worse.tlog"
     logs = [sample_logs / "quadcopter.tlog", bad, sample_logs / "quadcopter.ulg"]
     found = tuning.tune(logs, slack, Plan(generations=1))
     assert list(found.failed) == [str(bad)]
@@ -122,7 +123,12 @@ def test_log_that_cannot_be_used_is_left_out_and_told(sample_logs, slack, tmp_pa
     assert said in tuning.text_of_tuning(found, slack)
     assert f"# {said}" in tuning.yaml_of_tuning(found, slack)
     with pytest.raises(ReadError, match=r"none of 2 logs can be used\. .*bad\.tlog"):
-        tuning.tune([bad, bad], slack, SHORT)
+        tuning.tune([bad, worse], slack, SHORT)
+
+
+def test_log_that_is_named_twice_is_refused(log, slack):
+    with pytest.raises(ConfigError, match="named twice, so that it cannot be held back"):
+        tuning.tune([log, log.parent / "." / log.name], slack, SHORT)
 
 
 def test_keys_of_conditioning_are_tuned_by_conditioning_again(log):
