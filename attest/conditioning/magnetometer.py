@@ -1,12 +1,14 @@
 """The magnetometer: put at its right time, and the field that it measures found in the world."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
-from attest.conditioning import latency, magnetic
+from attest.conditioning import calibration, iron, latency, magnetic
 from attest.conditioning.measured import Measured, carried, unit
 from attest.conditioning.timeline import SECOND, Timeline
-from attest.config import Conditioning
+from attest.config import Conditioning, Iron
 from attest.errors import ReadError
 from attest.recording import Note, Recording, Signal, World
 
@@ -33,12 +35,39 @@ def magnetometer(
             Note(f"magnetometer {1e3 * late:.0f} ms late against the gyroscope: put right")
         )
         signal = Signal(signal.t - round(late * SECOND), signal.y, signal.source)
+    signal, told = calibrated(line, signal, before, config)
+    notes += told
     body = carried(line, signal, np.array([[1.0, 0.0, 0.0]]), config)
     model = None if reference == "north" else magnetic.field(recording)
     dip = _dip_of_log(body, before, recording.world)
     known, told = _direction(recording, dip, model, reference)
     field_w = None if model is None else model[0]
     return Measured(body.body, known[np.newaxis], body.valid, body.length, field_w), notes + told
+
+
+def calibrated(
+    line: Timeline, signal: Signal, before: list[Measured], config: Conditioning
+) -> tuple[Signal, list[Note]]:
+    """Take hard and soft iron off, as given or as far as the log tells them."""
+    wanted = config.magnetometer.calibrate
+    if isinstance(wanted, Iron):
+        told = iron.Iron(np.array(wanted.hard_iron) / calibration.MICRO, np.array(wanted.soft_iron))
+        note = calibration.given(iron.field(line, signal, _force(before)), told)
+        return replace(signal, y=told.off(signal.y)), [note]
+    if wanted != "auto":
+        return signal, []
+    verdict = calibration.judge(iron.field(line, signal, _force(before)))
+    if isinstance(verdict, str) or verdict.against:
+        return signal, [calibration.note(verdict)]
+    return replace(signal, y=verdict.iron.off(signal.y)), [calibration.note(verdict)]
+
+
+def _force(before: list[Measured]) -> Array | None:
+    """Return what is measured along the vertical on the timeline, with its length, (n, 3)."""
+    for vector in before:
+        if len(vector.inertial) == 1 and abs(vector.inertial[0, 2]) > VERTICAL:
+            return vector.body * np.where(vector.valid, vector.length, 0.0)[:, np.newaxis]
+    return None
 
 
 def _direction(

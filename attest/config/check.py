@@ -38,6 +38,8 @@ def _explain(model: type[Section], error: ValidationError) -> str:
     if unknown is not None:
         return _unknown_key(model, unknown["loc"])
     first = errors[0]
+    # of a union, the branch that was meant is the one whose own keys were looked at
+    first = next((e for e in errors if _inside(e["loc"], first["loc"])), first)
     keys = _keys(first["loc"])
     dotted = ".".join(map(str, keys))
     if first["type"] == "missing":
@@ -62,6 +64,11 @@ def _unknown_key(model: type[Section], loc: tuple[int | str, ...]) -> str:
     return f"unknown key {dotted!r}. {hint}Known: {', '.join(known) or 'none'}."
 
 
+def _inside(loc: tuple[int | str, ...], outer: tuple[int | str, ...]) -> bool:
+    keys, around = _keys(loc), _keys(outer)
+    return len(keys) > len(around) and keys[: len(around)] == around
+
+
 def _keys(loc: tuple[int | str, ...]) -> list[int | str]:
     """Leave the names of a union's branches out of pydantic's location."""
     return [key for key in loc if not isinstance(key, str) or _is_key(key)]
@@ -69,7 +76,7 @@ def _keys(loc: tuple[int | str, ...]) -> list[int | str]:
 
 def _is_key(part: str) -> bool:
     """Whether a part of pydantic's location is a key, and not the branch of a union."""
-    return part.isidentifier() and part not in {"str", "int", "float", "tuple", "literal"}
+    return part.isidentifier() and part not in {"str", "int", "float", "tuple", "literal", "Iron"}
 
 
 def _known(model: type[Section], keys: list[Any]) -> list[str]:

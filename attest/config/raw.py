@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from attest.config.settings import Conditioning, Gyroscope, Magnetometer, Smoothing
+from attest.config.settings import Conditioning, Gyroscope, Iron, Magnetometer, Smoothing
 
 
 class RawGyroscope(Gyroscope):
@@ -22,6 +22,7 @@ class RawSmoothing(Smoothing):
 class RawMagnetometer(Magnetometer):
     """The field as it is measured."""
 
+    calibrate: Literal["auto", "off", False] | Iron = "off"
     decouple_tilt: bool = False
     disturbance: float | None = None
 

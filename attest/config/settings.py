@@ -11,6 +11,7 @@ from attest.config.csv import Csv
 from attest.config.section import Section
 
 Vector3 = tuple[float, float, float]
+Matrix3 = tuple[Vector3, Vector3, Vector3]
 Quaternion = tuple[float, float, float, float]
 Rate = Annotated[float, Field(ge=-1e3, le=1e3)]
 """rad/s; no body turns as fast."""
@@ -108,9 +109,27 @@ class Smoothing(Section):
     """Time constant of the magnetometer, s; null leaves it raw."""
 
 
+class Iron(Section):
+    """A magnetometer's calibration: the field is soft_iron (measured - hard_iron)."""
+
+    hard_iron: Vector3 = (0.0, 0.0, 0.0)
+    """µT, in the body."""
+    soft_iron: Matrix3 = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    """By rows, 1."""
+
+    @field_validator("soft_iron")
+    @classmethod
+    def _refuse_flat(cls, soft_iron: Matrix3) -> Matrix3:
+        return _regular(soft_iron)
+
+
 class Magnetometer(Section):
     """The magnetometer's own ways."""
 
+    calibrate: Literal["auto", "off", False] | Iron = "auto"
+    """Hard and soft iron: auto finds them from the whole log and takes them off where held-back
+    parts of the log show that this helps; off leaves the field as it is measured; given ones are
+    taken off."""
     decouple_tilt: bool = True
     """Use only what is across the accelerometer's direction, so that it never corrects tilt."""
     disturbance: Annotated[float | None, Field(gt=0)] = 0.12
@@ -119,6 +138,13 @@ class Magnetometer(Section):
 
     latency_s: Annotated[float | None, Field(ge=0, le=5)] = None
     """How late its values are against the gyroscope, s; null finds it from the log's turns."""
+
+    @field_validator("calibrate")
+    @classmethod
+    def _read_off(
+        cls, calibrate: Literal["auto", "off", False] | Iron
+    ) -> Literal["auto", "off"] | Iron:
+        return calibrate or "off"  # YAML takes a plain off for false
 
 
 class Conditioning(Section):
@@ -250,3 +276,13 @@ def _sine2(a: tuple[float, ...], b: tuple[float, ...]) -> float:
     a2, b2 = sum(x * x for x in a), sum(x * x for x in b)
     dot = sum(x * y for x, y in zip(a, b, strict=True))
     return 1.0 - dot * dot / (a2 * b2) if a2 * b2 > 0.0 else 0.0
+
+
+def _regular(m: Matrix3) -> Matrix3:
+    """Refuse a matrix that mirrors, or that flattens directions."""
+    (a, b, c), (d, e, f), (g, h, i) = m
+    volume = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    size = sum(x * x for row in m for x in row) ** 0.5
+    if volume <= 1e-3 * size**3:
+        raise ValueError("it mirrors or flattens what is measured, or nearly so")
+    return m

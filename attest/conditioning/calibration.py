@@ -1,0 +1,156 @@
+"""Whether a magnetometer's hard and soft iron, as a log tells it, is to be believed.
+
+It must be observed, help on parts of the log that it was not made from, come out alike from both
+halves, and change the heading by what matters. Else it is not applied.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from attest.conditioning import iron
+from attest.conditioning.iron import Field, Iron
+from attest.recording import Note
+
+Array = NDArray[np.float64]
+
+FEWEST = 8
+"""Windows of a log; and samples of a window, on average."""
+BLOCK = 2
+"""Windows that belong to one half; the next ones to the other."""
+OBSERVED = 0.02
+"""Largest deviation of what is observed, as a share of the field's strength."""
+HELPS = 0.9
+"""Of the misfit of before, what may be left on held-back parts."""
+HARMS = 1.05
+"""More than this share of the misfit of before is worse."""
+ALIKE = 0.5
+"""By which share of what is changed the halves may differ."""
+MATTERS = np.deg2rad(0.3)
+"""Least change of heading that is worth it, rad."""
+PARTS = 4
+"""Of the log in its order, none of which may get worse."""
+HARD = np.eye(8, 3)
+ALL = np.eye(8)
+NIL = 1e-6
+"""Misfit that is none, as a share of the strength."""
+MICRO = 1e6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Verdict:
+    """What a log tells of hard and soft iron, and whether it is worth applying."""
+
+    iron: Iron
+    deviation: Array
+    """Of hard iron, tesla, shape (3,); infinite where the motion tells nothing."""
+    left: Array
+    """Share of the misfit that is left on the held-back halves, shape (2, 3) or (2, 2)."""
+    heading: float
+    """By which the heading changes, RMS, rad."""
+    against: str
+    """Why it is not to be applied; empty where it is."""
+
+
+def judge(field: Field | None) -> Verdict | str:
+    """Return what the samples tell, or why they tell nothing."""
+    if field is None or field.window[-1] + 1 < FEWEST or len(field.m) < FEWEST**2:
+        return f"the log has too little of it: {FEWEST} x {iron.WINDOW:g} s are needed"
+    _, P = iron.fit(field, HARD)
+    variance, axes = np.linalg.eigh(P)
+    seen = axes[:, variance < OBSERVED**2]
+    if not seen.shape[1]:
+        return "the log's motion does not tell it"
+    verdicts = [_verdict(field, HARD @ seen, P)]
+    _, P8 = iron.fit(field, ALL)
+    if np.linalg.eigvalsh(P8)[-1] < OBSERVED**2:
+        verdicts.append(_verdict(field, ALL, P8[:3, :3]))
+    # both may pass, or none: then what leaves less is told
+    return min(
+        verdicts, key=lambda each: (each.against != "", float(np.log(each.left[:, :2]).sum()))
+    )
+
+
+def _verdict(field: Field, basis: Array, P: Array) -> Verdict:
+    """Judge the calibration in a basis of the unknowns."""
+    found = _found(field, basis)
+    told = np.linalg.norm(basis[:3], axis=1) > 0.5  # share of an axis in what is observed
+    deviation = np.where(told, field.strength * np.sqrt(np.diag(P)), np.inf)
+    changed = iron.heading(field, iron.NONE, found)
+    if changed < MATTERS:
+        against = f"it would change the heading by {np.rad2deg(changed):.1f}° only"
+        return Verdict(found, deviation, np.ones((2, 3)), changed, against)
+    first = (field.window // BLOCK) % 2 == 0
+    halves = [field.part(chosen) for chosen in (first, ~first)]
+    made = [_found(half, basis) for half in halves]
+    left = np.array([_left(half, other) for half, other in zip(halves, made[::-1], strict=True)])
+    differs = iron.heading(field, *made)
+    parts = np.array_split(np.arange(field.window[-1] + 1), PARTS)
+    ordered = [_left(field.part(np.isin(field.window, part)), found)[0] for part in parts]
+    against = _against(left, max(ordered), changed, differs)
+    return Verdict(found, deviation, left, changed, against)
+
+
+def _against(left: Array, worst: float, changed: float, differs: float) -> str:
+    """Say what speaks against a calibration."""
+    if not (left[:, :2] <= HELPS).all() or not (left <= HARMS).all():
+        return f"held-back parts of the log are not clearly better by it ({_told(left)})"
+    if worst > HARMS:
+        return f"it makes a part of the log worse, by {worst - 1.0:.0%}"
+    if differs > ALIKE * changed:
+        return f"the log's halves differ by {np.rad2deg(differs):.1f}° of heading over it"
+    return ""
+
+
+def described(iron: Iron) -> str:
+    """Say hard and soft iron in numbers."""
+    x, y, z = np.round(MICRO * iron.hard, 1) + 0.0  # without a negative zero
+    text = f"hard iron {x:+.1f}, {y:+.1f}, {z:+.1f} µT"
+    soft = 100.0 * float(np.abs(iron.soft - np.eye(3)).max())
+    return text if soft < 1e-6 else f"{text} and soft iron up to {soft:.1f} %"
+
+
+def note(verdict: Verdict | str) -> Note:
+    """Say what was found, and what was done with it."""
+    if isinstance(verdict, str):
+        return Note(f"magnetometer used as it is: {verdict}")
+    found = described(verdict.iron)
+    if verdict.against:
+        return Note(f"magnetometer used as it is: {found} found, but {verdict.against}")
+    return Note(
+        f"magnetometer: {found} found in the whole log and taken off, {_told(verdict.left)} on "
+        f"held-back parts; heading changes by {np.rad2deg(verdict.heading):.1f}°"
+    )
+
+
+def given(field: Field | None, told: Iron) -> Note:
+    """Say what a given calibration makes of the log."""
+    text = f"magnetometer: {described(told)} taken off as configured"
+    if field is None:
+        return Note(text)
+    left = _left(field, told)
+    scaled = np.median(np.linalg.norm(iron.taken_off(field, told), axis=1))
+    # only shares of the strength that it makes compare
+    left = left / max(float(scaled), 1e-12)
+    worse = bool((left[:2] > 1.0 / HELPS).any())
+    text += f", {_told(left[np.newaxis])}"
+    return Note(text + (": worse than without it" if worse else ""), doubt=worse)
+
+
+def _found(field: Field, basis: Array) -> Iron:
+    return iron.iron(iron.fit(field, basis)[0], field.strength)
+
+
+def _left(field: Field, made: Iron) -> Array:
+    left: Array = (iron.misfit(field, made) + NIL) / (iron.misfit(field, iron.NONE) + NIL)
+    return left
+
+
+def _told(left: Array) -> str:
+    """Say what is left of each misfit, in the worst case."""
+    change = 100.0 * (left.max(axis=0) - 1.0)
+    names = ("against the gyroscope", "in strength", "in dip")[: len(change)]
+    return "misfit " + ", ".join(
+        f"{c:+.0f} % {name}" for c, name in zip(change, names, strict=True)
+    )
