@@ -11,6 +11,7 @@ from typing import NoReturn
 import click
 
 import attest
+from attest.cli.calibrate import calibrate
 from attest.cli.compare import compare
 from attest.cli.config import configuration
 from attest.cli.info import info
@@ -86,5 +87,17 @@ def _complain(error: Exception, text: str, *, debug: bool) -> None:
     click.echo(f"attest: {' '.join(text.split())}", err=True)
 
 
-for command in (run, compare, tune, info, simulate, reproduce, list_observers, configuration):
+COMMANDS = (
+    run,
+    compare,
+    tune,
+    calibrate,
+    info,
+    simulate,
+    reproduce,
+    list_observers,
+    configuration,
+)
+
+for command in COMMANDS:
     cli.add_command(command)

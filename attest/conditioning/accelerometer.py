@@ -1,5 +1,7 @@
 """The accelerometer and what it measures: a - g where the log has velocity, gravity elsewhere."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -54,6 +56,16 @@ def accelerometer(
     body = np.where(moving[:, np.newaxis], unit(smoothed), plain.body)
     known = np.where(moving[:, np.newaxis], unit(inertial), plain.inertial)
     return Measured(body, known, plain.valid, plain.length), notes
+
+
+def corrected(recording: Recording, config: Conditioning) -> Recording:
+    """Take the accelerometer's bias and scale off, as given."""
+    settings, accel = config.accelerometer, recording.signals.get("accel")
+    bias, scale = np.array(settings.bias), np.array(settings.scale)
+    if accel is None or not (bias.any() or (scale != 1.0).any()):
+        return recording
+    signal = replace(accel, y=scale * (accel.y - bias))
+    return replace(recording, signals={**recording.signals, "accel": signal})
 
 
 def _specific_force(

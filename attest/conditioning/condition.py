@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from attest.conditioning import frame, points
-from attest.conditioning.accelerometer import accelerometer
+from attest.conditioning.accelerometer import accelerometer, corrected
 from attest.conditioning.gyroscope import rates as gyroscope_rates
 from attest.conditioning.magnetometer import magnetometer
 from attest.conditioning.measured import Measured, carried, usable
@@ -40,6 +40,7 @@ def condition(recording: Recording, config: Configuration) -> tuple[Samples, tup
     """
     if isinstance(config, PointsConfiguration) and points.apply(recording, config):
         return points.condition(recording, config)
+    recording = corrected(recording, config.conditioning)
     gyro, notes = gyroscope(recording, config)
     restart, gaps = restarts(recording, gyro.t, config.conditioning)
     substeps, slow = substeps_of(gyro.t, restart, config.conditioning.max_step_s)

@@ -30,6 +30,9 @@ class Rates:
     """Mean rate over that step: for one that is divided, of its two ends, shape (n, 3)."""
     bias: Array | None
     """Bias that was taken off, rad/s, shape (n, 3); None where nothing was."""
+    known: Array | None = None
+    """Bias, scale and misalignment at the end, and their deviations, (2, 12); None where nothing
+    tells them."""
 
 
 def rates(
@@ -40,33 +43,60 @@ def rates(
     config: Conditioning,
 ) -> tuple[Rates, list[Note]]:
     """Take the gyroscope's errors off, and give each step its rate."""
-    at, bias, notes = _corrected(recording, gyro, restart, config)
+    at, bias, known, notes = _corrected(recording, gyro, restart, config)
     between = frame.mean_of_ends(at)
     if config.gyroscope.sample == "begins":
-        return Rates(at, at, between, bias), notes
+        return Rates(at, at, between, bias, known), notes
     # a step that is divided takes the line between its ends
     whole = ((substeps == 1) & ~np.concatenate([restart[1:], [True]]))[:, np.newaxis]
     ends = np.concatenate([at[1:], at[-1:]])
-    return Rates(at, np.where(whole, ends, at), np.where(whole, ends, between), bias), notes
+    over, mean = np.where(whole, ends, at), np.where(whole, ends, between)
+    return Rates(at, over, mean, bias, known), notes
+
+
+def resting(recording: Recording, gyro: Signal, restart: Mask) -> tuple[Array, Mask] | None:
+    """Return the specific force at the gyroscope's stamps, (n, 3), and where the body is at rest.
+
+    None where the log has too little of an accelerometer.
+    """
+    if "accel" not in recording.signals:
+        return None
+    accel, _ = usable(recording.signals["accel"])
+    if len(accel.t) < drift.FEWEST:
+        return None
+    force = _at(gyro.t, accel)
+    return force, rested(_steps(gyro, restart), gyro.y, force, restart)
 
 
 def _corrected(
     recording: Recording, gyro: Signal, restart: Mask, config: Conditioning
-) -> tuple[Array, Array | None, list[Note]]:
+) -> tuple[Array, Array | None, Array | None, list[Note]]:
     settings = config.gyroscope
-    if "accel" not in recording.signals or not settings.correct:
-        return gyro.y, None, []
-    accel, _ = usable(recording.signals["accel"])
-    if len(accel.t) < drift.FEWEST:
-        return gyro.y, None, []
-    h = np.where(restart, 0.0, np.diff(gyro.t, prepend=gyro.t[0]) * 1e-9)
-    force = _at(gyro.t, accel)
-    resting = rested(h, gyro.y, force, restart)
-    y = _still(recording, gyro, force, h)
     known = np.zeros((2, drift.N))
+    known[0, :3], known[0, 3:] = settings.bias, np.ravel(settings.scale)
     known[1, :3], known[1, 3:] = settings.bias_std, settings.scale_std
-    at, bias, known = drift.follow(h, gyro.y, y, resting, restart, known)
-    return at, bias, [_told(resting, known)]
+    told = resting(recording, gyro, restart) if settings.correct else None
+    if told is None:
+        return *_as_given(gyro, known[0]), None, []
+    force, still = told
+    h = _steps(gyro, restart)
+    y = _still(recording, gyro, force, h)
+    at, bias, known = drift.follow(h, gyro.y, y, still, restart, known)
+    return at, bias, known, [_told(still, known)]
+
+
+def _as_given(gyro: Signal, x: Array) -> tuple[Array, Array | None]:
+    """Return the rate less the errors that are known before, and the bias if there are any."""
+    if not x.any():
+        return gyro.y, None
+    at = gyro.y - x[:3] - gyro.y @ x[3:].reshape(3, 3).T
+    return at, np.broadcast_to(x[:3], gyro.y.shape).copy()
+
+
+def _steps(gyro: Signal, restart: Mask) -> Array:
+    """Return the time from the sample before, s, zero at a restart."""
+    h: Array = np.where(restart, 0.0, np.diff(gyro.t, prepend=gyro.t[0]) * 1e-9)
+    return h
 
 
 def _still(recording: Recording, gyro: Signal, force: Array, h: Array) -> Array:

@@ -27,14 +27,7 @@ def magnetometer(
     config: Conditioning,
 ) -> tuple[Measured, list[Note]]:
     """Put the magnetometer at its right time, and find the field in the world."""
-    late, notes = config.magnetometer.latency_s, []
-    if late is None:
-        late = latency.find(line.t, line.D, signal.t, signal.y)
-    if late > 0.0:
-        notes.append(
-            Note(f"magnetometer {1e3 * late:.0f} ms late against the gyroscope: put right")
-        )
-        signal = Signal(signal.t - round(late * SECOND), signal.y, signal.source)
+    signal, notes = timed(line, signal, config)
     signal, told = calibrated(line, signal, before, config)
     notes += told
     body = carried(line, signal, np.array([[1.0, 0.0, 0.0]]), config)
@@ -45,6 +38,17 @@ def magnetometer(
     return Measured(body.body, known[np.newaxis], body.valid, body.length, field_w), notes + told
 
 
+def timed(line: Timeline, signal: Signal, config: Conditioning) -> tuple[Signal, list[Note]]:
+    """Put the magnetometer at its right time."""
+    late = config.magnetometer.latency_s
+    if late is None:
+        late = latency.find(line.t, line.D, signal.t, signal.y)
+    if late <= 0.0:
+        return signal, []
+    text = f"magnetometer {1e3 * late:.0f} ms late against the gyroscope: put right"
+    return Signal(signal.t - round(late * SECOND), signal.y, signal.source), [Note(text)]
+
+
 def calibrated(
     line: Timeline, signal: Signal, before: list[Measured], config: Conditioning
 ) -> tuple[Signal, list[Note]]:
@@ -52,17 +56,17 @@ def calibrated(
     wanted = config.magnetometer.calibrate
     if isinstance(wanted, Iron):
         told = iron.Iron(np.array(wanted.hard_iron) / calibration.MICRO, np.array(wanted.soft_iron))
-        note = calibration.given(iron.field(line, signal, _force(before)), told)
+        note = calibration.given(iron.field(line, signal, vertical(before)), told)
         return replace(signal, y=told.off(signal.y)), [note]
     if wanted != "auto":
         return signal, []
-    verdict = calibration.judge(iron.field(line, signal, _force(before)))
+    verdict = calibration.judge(iron.field(line, signal, vertical(before)))
     if isinstance(verdict, str) or verdict.against:
         return signal, [calibration.note(verdict)]
     return replace(signal, y=verdict.iron.off(signal.y)), [calibration.note(verdict)]
 
 
-def _force(before: list[Measured]) -> Array | None:
+def vertical(before: list[Measured]) -> Array | None:
     """Return what is measured along the vertical on the timeline, with its length, (n, 3)."""
     for vector in before:
         if len(vector.inertial) == 1 and abs(vector.inertial[0, 2]) > VERTICAL:

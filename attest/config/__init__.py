@@ -9,13 +9,14 @@ from attest.config.csv import Csv
 from attest.config.files import dump, effective, find, folder, override, read, shipped
 from attest.config.raw import RawConditioning, SmoothedConditioning
 from attest.config.section import Section
+from attest.config.sensors import Accelerometer, Iron
 from attest.config.settings import (
     Conditioning,
     Configuration,
     Evaluation,
+    Gyroscope,
     Initial,
     Input,
-    Iron,
     Magnetometer,
     PointsConfiguration,
     SpecificForce,
@@ -25,10 +26,12 @@ from attest.config.settings import (
 )
 
 __all__ = [
+    "Accelerometer",
     "Conditioning",
     "Configuration",
     "Csv",
     "Evaluation",
+    "Gyroscope",
     "Initial",
     "Input",
     "Iron",

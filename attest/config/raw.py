@@ -2,7 +2,8 @@
 
 from typing import Literal
 
-from attest.config.settings import Conditioning, Gyroscope, Iron, Magnetometer, Smoothing
+from attest.config.sensors import Iron
+from attest.config.settings import Conditioning, Gyroscope, Magnetometer, Smoothing
 
 
 class RawGyroscope(Gyroscope):

@@ -9,9 +9,8 @@ from pydantic import Field, field_validator
 
 from attest.config.csv import Csv
 from attest.config.section import Section
+from attest.config.sensors import Accelerometer, Iron, Matrix3, Vector3
 
-Vector3 = tuple[float, float, float]
-Matrix3 = tuple[Vector3, Vector3, Vector3]
 Quaternion = tuple[float, float, float, float]
 Rate = Annotated[float, Field(ge=-1e3, le=1e3)]
 """rad/s; no body turns as fast."""
@@ -98,6 +97,18 @@ class Gyroscope(Section):
     """Standard deviation of the bias before anything is known of it, rad/s."""
     scale_std: Annotated[float, Field(ge=0, le=0.1)] = 0.004
     """Of scale and misalignment, 1."""
+    bias: tuple[Rate, Rate, Rate] = (0.0, 0.0, 0.0)
+    """Bias that is known before, rad/s: taken off from the start, and corrected from there."""
+    scale: Matrix3 = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    """Scale and misalignment S that are known before, by rows, 1: the gyroscope errs by S times
+    what it reads."""
+
+    @field_validator("scale")
+    @classmethod
+    def _refuse_large(cls, scale: Matrix3) -> Matrix3:
+        if max(abs(x) for row in scale for x in row) > 0.5:
+            raise ValueError("no gyroscope errs by half of what it reads")
+        return scale
 
 
 class Smoothing(Section):
@@ -107,20 +118,6 @@ class Smoothing(Section):
     """Time constant of the accelerometer where its reference is constant, s; null leaves it raw."""
     mag_s: Annotated[float | None, Field(gt=0, le=600)] = 9.0
     """Time constant of the magnetometer, s; null leaves it raw."""
-
-
-class Iron(Section):
-    """A magnetometer's calibration: the field is soft_iron (measured - hard_iron)."""
-
-    hard_iron: Vector3 = (0.0, 0.0, 0.0)
-    """µT, in the body."""
-    soft_iron: Matrix3 = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    """By rows, 1."""
-
-    @field_validator("soft_iron")
-    @classmethod
-    def _refuse_flat(cls, soft_iron: Matrix3) -> Matrix3:
-        return _regular(soft_iron)
 
 
 class Magnetometer(Section):
@@ -159,6 +156,7 @@ class Conditioning(Section):
     rest: bool = False
     """Mark where the body is at rest, as the whole log tells; ``smoother`` uses it."""
     gyroscope: Gyroscope = Gyroscope()
+    accelerometer: Accelerometer = Accelerometer()
     specific_force: SpecificForce = SpecificForce()
     smoothing: Smoothing = Smoothing()
     magnetometer: Magnetometer = Magnetometer()
@@ -276,13 +274,3 @@ def _sine2(a: tuple[float, ...], b: tuple[float, ...]) -> float:
     a2, b2 = sum(x * x for x in a), sum(x * x for x in b)
     dot = sum(x * y for x, y in zip(a, b, strict=True))
     return 1.0 - dot * dot / (a2 * b2) if a2 * b2 > 0.0 else 0.0
-
-
-def _regular(m: Matrix3) -> Matrix3:
-    """Refuse a matrix that mirrors, or that flattens directions."""
-    (a, b, c), (d, e, f), (g, h, i) = m
-    volume = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
-    size = sum(x * x for row in m for x in row) ** 0.5
-    if volume <= 1e-3 * size**3:
-        raise ValueError("it mirrors or flattens what is measured, or nearly so")
-    return m

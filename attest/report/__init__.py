@@ -1,5 +1,6 @@
 """What a run found, as the JSON document and as text for a terminal."""
 
+from attest.report.calibration import text_of_calibration
 from attest.report.gains import text_of_observer
 from attest.report.info import describe, text_of_info
 from attest.report.plot import plot
@@ -12,6 +13,7 @@ __all__ = [
     "plot",
     "rank",
     "summarise",
+    "text_of_calibration",
     "text_of_info",
     "text_of_observer",
     "text_of_ranking",
