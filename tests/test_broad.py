@@ -110,3 +110,17 @@ def test_fts_settles_within_ten_seconds_from_half_a_turn(axis, shared):
     seen = np.isfinite(truth).all(axis=1) & (seconds > 10.0) & (seconds < 40.0)
     late = errors_deg(observed(shared, SLOW, "fts", start)[seen], truth[seen])
     assert late[0].max() < 5.0
+
+
+@pytest.mark.parametrize(
+    ("name", "found"),
+    [
+        ("26_disturbed_phone_vibration_A", "magnetometer: hard iron -1.8, +0.1, -3.3 µT and soft"),
+        (COMBINED, "magnetometer used as it is: "),
+        (MAGNET, "magnetometer used as it is: "),
+    ],
+)
+def test_iron_is_taken_off_where_it_is_real_only(shared, name, found):
+    log, _, _ = trial(shared, name)
+    _, notes = conditioning.condition(log, pipeline.configure("fts"))
+    assert [note for note in notes if note.text.startswith(found)]
