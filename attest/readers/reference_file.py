@@ -92,7 +92,8 @@ def _brought(
     theirs, ours = other.clock.utc_offset, recording.clock.utc_offset
     if theirs is None or ours is None:
         which = "neither file tells" if theirs is ours else "only one file tells"
-        notes.append(Note(f"{name}: its time taken as it stands for the log's, as {which} UTC"))
+        text = f"{name}: its time taken as it stands for the log's, as {which} UTC"
+        notes.append(Note(text, doubt=True))
     else:
         t = t + np.int64(theirs - ours)
         notes.append(Note(f"{name}: aligned to the log by UTC"))

@@ -167,6 +167,11 @@ def _references(log: _Log) -> dict[str, Reference]:
         and not (ros_choose.OWN in offer.topic and offer.type.endswith("/Imu"))
     ]
     first = log.topics.get("reference")
+    held = [
+        offer
+        for offer in held
+        if first in {offer.topic, offer.name} or ros_choose.is_measured(offer, log.notes)
+    ]
     best = first and ros_choose.named(log.path, held, "reference", first)
     found: list[tuple[tuple[object, ...], Reference]] = []
     for offer in held:

@@ -23,6 +23,8 @@ TRUTH = re.compile(
 """Names of motion capture and ground truth."""
 LAB = re.compile(r"vicon|optitrack|natnet|mocap|motion_?capture|qualisys|vrpn|phasespace|^odom$")
 """Worlds whose heading is their own, and not north."""
+COMMAND = re.compile(r"setpoint|(?<![a-z])(?:cmd|command|goal|target|desired)")
+"""Topics of what a vehicle shall do, which nobody measured."""
 ON_BOARD = re.compile(r"base|body|imu|fcu|link|sensor")
 """Frames that move with the vehicle."""
 
@@ -60,6 +62,8 @@ def choose(
             continue
         if role == "accel" and "gyro" in chosen:  # one unit for both, where it has both
             held = [offer for offer in held if offer.topic == chosen["gyro"].topic] or held
+        if role != "torque":  # which is a command
+            held = [offer for offer in held if is_measured(offer, notes)]
         if role == "velocity":
             held = [offer for offer in held if _is_in_world(offer, chosen.get("gyro"), notes)]
         if held:
@@ -69,6 +73,16 @@ def choose(
         notes.append(Note(f"gyro from {chosen['gyro'].topic}, which is attest's own estimate and "
                           "no measurement", doubt=True))  # fmt: skip
     return chosen
+
+
+def is_measured(offer: Offer, notes: list[Note]) -> bool:
+    """Tell whether something measured it, as far as its topic's name tells."""
+    found = COMMAND.search(offer.topic.lower())
+    if found is None:
+        return True
+    notes.append(Note(f"{offer.topic} {offer.role}, by its name {found.group()!r}, is a command: "
+                      f"not used; --set input.topics.{offer.role}=TOPIC takes it"))  # fmt: skip
+    return False
 
 
 def named(path: Path, held: Sequence[Offer], role: str, topic: str) -> Offer:
@@ -119,7 +133,9 @@ def _is_in_world(offer: Offer, gyro: Offer | None, notes: list[Note]) -> bool:
     if offer.axes == "px4":
         return True
     twist = offer.type.endswith("TwistStamped")
-    on_board = ON_BOARD.search(offer.frame) or (gyro is not None and offer.frame == gyro.frame)
+    on_board = ON_BOARD.search(offer.frame.lower()) or (
+        gyro is not None and offer.frame == gyro.frame
+    )
     if twist and on_board:
         reason = "is in the vehicle's own axes"
     elif LAB.search(offer.frame.lower()) or LAB.search(offer.topic.lower()):

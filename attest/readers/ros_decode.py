@@ -86,7 +86,7 @@ class Group:
         if not place.count or (raw == raw[0]).all():
             return [(_text(raw[0]), np.arange(len(raw)))]
         different, which = np.unique(raw, axis=0, return_inverse=True)
-        return [(_text(one), np.flatnonzero(which == i)) for i, one in enumerate(different)]
+        return [(_text(one), rows) for one, rows in zip(different, alike(which), strict=True)]
 
     def length(self, path: str) -> int:
         """Return how many items a sequence has in these messages."""
@@ -96,6 +96,12 @@ class Group:
         """Return a stamp in nanoseconds."""
         seconds = self.numbers(f"{path}.sec").astype(np.int64)
         return seconds * _SECOND + self.numbers(f"{path}.nanosec").astype(np.int64)
+
+
+def alike(which: Ints) -> list[Ints]:
+    """Return the rows of each number from 0 on, in order; each number has one."""
+    order = np.argsort(which.ravel(), kind="stable")
+    return np.split(order, np.cumsum(np.bincount(which.ravel()))[:-1])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

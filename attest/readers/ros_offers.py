@@ -1,5 +1,6 @@
 """What each decoded topic can give: gyroscope, magnetometer, an attitude, and so on."""
 
+import re
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -8,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from attest.readers.ros_decode import Array, Group, Ints, Table
+from attest.readers.ros_decode import Array, Group, Ints, Table, alike
 
 Axes = Literal["rep103", "px4"]
 
@@ -62,7 +63,7 @@ def magnetic_field(table: Table) -> Iterator[Offer]:
 
 def vector(table: Table) -> Iterator[Offer]:
     """Magnetic field, where the topic calls the vector so: others may be anything."""
-    if "mag" in table.topic.lower():
+    if re.search(r"(?<![a-z])(?:mag|compass)", table.topic.lower()):  # and no image
         yield _measured(table, "mag", "vector")
 
 
@@ -256,9 +257,14 @@ def _px4(table: Table, role: str, path: str) -> Offer:
 
 def _pairs(group: Group, path: str) -> Iterator[tuple[str, str, Ints]]:
     """Yield parent, child and the rows that have both."""
+    parents = group.texts(f"{path}.header.frame_id")
     children = group.texts(f"{path}.child_frame_id")
-    for parent, rows in group.texts(f"{path}.header.frame_id"):
-        for child, others in children:
-            both = np.intersect1d(rows, others, assume_unique=True)
-            if len(both):
-                yield parent.lstrip("/"), child.lstrip("/"), both
+    pair = np.empty(sum(len(rows) for _, rows in parents), np.int64)
+    for i, (_, rows) in enumerate(parents):
+        pair[rows] = i * len(children)
+    for j, (_, rows) in enumerate(children):
+        pair[rows] += j
+    different, which = np.unique(pair, return_inverse=True)
+    for both, rows in zip(different.tolist(), alike(which), strict=True):
+        i, j = divmod(both, len(children))
+        yield parents[i][0].lstrip("/"), children[j][0].lstrip("/"), rows

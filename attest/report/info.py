@@ -84,7 +84,7 @@ def text_of_info(info: Mapping[str, Any]) -> str:
         f"  axes        body {info['body'].upper()}, world {info['world'].upper()}",
         f"  clock       {clock['name']}; {utc}; {counted(info['restarts'], 'restart')}",
         "",
-        f"  {'signal':12s}{'from':24s}{'count':>9s}{'rate':>11s}{'gaps':>6s}{'longest':>10s}  unit",
+        f"  {'signal':12s}{'from':24s}{'count':>9s}{'rate':>11s}{'gaps':>6s}{'longest':>12s}  unit",
     ]
     lines += [
         f"  {name:11s} {s['source']:24s}{_rhythm(s)}  {s['unit']}"
@@ -114,7 +114,7 @@ def _references(references: Mapping[str, Any]) -> list[str]:
     """Return a table as wide as its longest name asks."""
     left = max(12, *(len(name) + 2 for name in references), 0)
     right = max(12, 36 - left)
-    head = f"{'count':>9s}{'rate':>11s}{'gaps':>6s}{'longest':>10s}"
+    head = f"{'count':>9s}{'rate':>11s}{'gaps':>6s}{'longest':>12s}"
     lines = [f"  {'reference':{left}s}{'kind':{right}s}{head}"]
     lines += [
         f"  {name:{left}s}{r['kind']:{right}s}{_rhythm(r)}{'  (default)' if not i else ''}"
@@ -145,7 +145,7 @@ def _with_count(note: Mapping[str, Any]) -> str:
 def _rhythm(s: Mapping[str, Any]) -> str:
     rate = "-" if s["rate_hz"] is None else f"{s['rate_hz']:.1f} Hz"
     longest = "-" if s["longest_gap_s"] is None else f"{s['longest_gap_s']:.3f} s"
-    return f"{s['count']:>9,d}{rate:>11s}{s['gaps']:>6d}{longest:>10s}"
+    return f"{s['count']:>9,d}{rate:>11s}{s['gaps']:>6d}{longest:>12s}"
 
 
 def _duration(recording: Recording) -> float:

@@ -227,3 +227,25 @@ def test_one_flight_in_two_containers_gives_one_estimate(shared):
     assert_allclose(bag.estimates.q, folder.estimates.q, atol=1e-9)
     assert len(folder.summary["log"]["sha256"]) == 64
     assert folder.summary["reference"]["name"] == "/ardrone/imu"
+
+
+def test_what_a_vehicle_shall_do_is_no_measurement(tmp_path):
+    log = flight(Log("mcap"))
+    turning = lambda i: (np.cos(0.01 * i), 0.0, 0.0, np.sin(0.01 * i))  # noqa: E731
+    poses(log, "/mavros/setpoint_position/local", turning, count=400)
+    poses(log, "/mavros/local_position/pose", turning)
+    recording = read(log, tmp_path)
+    assert "/mavros/setpoint_position/local" not in recording.references
+    assert "/mavros/local_position/pose" in recording.references
+    assert any("is a command: not used" in text for text in texts(recording))
+    asked = read(log, tmp_path, topics={"reference": "/mavros/setpoint_position/local"})
+    assert next(iter(asked.references)) == "/mavros/setpoint_position/local"
+
+
+def test_an_image_is_no_magnetometer(tmp_path):
+    log = flight(Log("mcap"))
+    for t in times(50):
+        log.add(
+            "/image_proc/offset", "geometry_msgs/msg/Vector3Stamped", t, vector=xyz(1.0, 2.0, 3.0)
+        )
+    assert "image" not in sources(read(log, tmp_path)).get("mag", "")
