@@ -16,7 +16,7 @@ WITH_GAINS = [
 STARTS = {name: pipeline.configure(name) for name in WITH_GAINS}
 FTS = knobs(STARTS["fts"], (), 30.0)
 FIVE = {name: knobs(start, (), 5.0) for name, start in STARTS.items()}
-points = st.lists(st.floats(0.0, 1.0), min_size=8, max_size=8).map(np.array)
+points = st.lists(st.floats(0.0, 1.0), min_size=32, max_size=32).map(np.array)
 
 
 @pytest.mark.parametrize("name", WITH_GAINS)
