@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from attest.geometry import mat3, so3
 from attest.geometry.jit import kernel
 from attest.geometry.mat3 import Matrix
-from attest.geometry.so3 import Vector
+from attest.geometry.so3 import Quaternion, Vector
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -66,16 +66,19 @@ class Window(NamedTuple):
     """By which the frame is corrected, in the window before and in this one, (2, 12)."""
     clock: Array
     """Sum of weights, s; time, s; samples; whether there is a window before; time at rest, s, and
-    samples."""
+    samples; time that P has not walked yet, s."""
     variance: Array
     """Of the direction as seen, (1,)."""
     block: Array
-    """Sums since Theta was last added to: time, s, time times rate, rad; and the weight, (5,)."""
+    """Sums since Theta was last added to: time, s, time times rate, rad; and samples, (5,)."""
+    seen: Array
+    """And of time times each direction in the body, (k, 3)."""
     resting: Array
     """Sum of time times rate at rest, rad, (3,)."""
 
 
-WEIGHT, TIME, COUNT, BEFORE, REST_TIME, REST_COUNT = range(6)
+WEIGHT, TIME, COUNT, BEFORE, REST_TIME, REST_COUNT, WAITED = range(7)
+SAMPLES = 4
 
 
 @kernel
@@ -139,6 +142,14 @@ def spread(H: Array, P: Array) -> float:
 
 
 @kernel
+def walk(window: Window, P: Array) -> None:
+    """Let the bias have walked until now."""
+    for j in range(3):
+        P[j, j] += window.clock[WAITED] * WALK_STD**2
+    window.clock[WAITED] = 0.0
+
+
+@kernel
 def compare(x: Array, P: Array, H: Array, nu: Vector, variance: float) -> None:
     """Take what a direction drifted beyond expectation into x and P; H is its sensitivity."""
     start = x.copy()
@@ -175,34 +186,48 @@ def clear(window: Window) -> None:
     window.mean[:] = 0.0
     window.f[:] = 0.0
     window.block[:] = 0.0
+    window.seen[:] = 0.0
     window.clock[:BEFORE] = 0.0
 
 
 @kernel
-def add(window: Window, D: Matrix, Omega_m: Vector, y: Array, i: int, h: float) -> None:
-    """Add a sample to the window, weighted by a Hann function of its time."""
-    block = window.block
-    if block[0] == 0.0:
-        block[4] = sin(pi * min(1.0, window.clock[TIME] / WINDOW)) ** 2
+def add(window: Window, Omega_m: Vector, y: Array, i: int, h: float) -> None:
+    """Add a sample to the block."""
+    block, seen = window.block, window.seen
     block[0] += h
-    block[1] += h * Omega_m[0]
-    block[2] += h * Omega_m[1]
-    block[3] += h * Omega_m[2]
-    w = h * block[4]
+    for j in range(3):
+        block[1 + j] += h * Omega_m[j]
+    block[SAMPLES] += 1.0
+    for k in range(len(seen)):
+        for j in range(3):
+            seen[k, j] += h * y[i, k, j]
+
+
+@kernel
+def end_block(window: Window, x: Array, q: Quaternion) -> Quaternion:
+    """Add a block to the window, weighted by a Hann function of its time; return the frame then."""
+    block, clock = window.block, window.clock
+    h, turned = block[0], (block[1], block[2], block[3])
+    known = so3.scale(h, error(x, so3.scale(1.0 / h, turned)))
+    theta = so3.sub(turned, known)
+    # the samples are each at the end of a step: their mean is past the middle
+    share = 0.5 + 0.5 / block[SAMPLES]
+    D = so3.matrix(so3.multiply(q, so3.exp(so3.scale(share, theta))))
+    turn(window.Theta, D, block)
+    hann = sin(pi * min(1.0, clock[TIME] / WINDOW)) ** 2
     for k in range(len(window.f)):
-        fixed = mat3.apply(D, so3.item(y, i, k))
+        fixed = mat3.apply(D, so3.row(window.seen, k))
         for j in range(3):
-            window.f[k, j] += w * fixed[j]
-    window.clock[COUNT] += 1.0
-    if block[0] >= BLOCK:
-        turn(window.Theta, D, block)
-        w = block[0] * block[4]
-        window.clock[WEIGHT] += w
-        window.clock[TIME] += block[0]
-        for j in range(3):
-            for m in range(N):
-                window.mean[j, m] += w * window.Theta[j, m]
-        block[:] = 0.0
+            window.f[k, j] += hann * fixed[j]
+    clock[COUNT] += block[SAMPLES]
+    clock[WEIGHT] += h * hann
+    clock[TIME] += h
+    for j in range(3):
+        for m in range(N):
+            window.mean[j, m] += h * hann * window.Theta[j, m]
+    block[:] = 0.0
+    window.seen[:] = 0.0
+    return so3.multiply(q, so3.exp(theta))
 
 
 @kernel
@@ -228,6 +253,7 @@ def close(window: Window, x: Array, P: Array) -> None:
     for k in range(len(window.f)):
         f = so3.row(window.f, k)
         window.f[k] /= max(sqrt(so3.dot(f, f)), 1e-12)
+    walk(window, P)
     if window.clock[BEFORE] > 0.0:
         # x has changed since the window before, and with it what is left to be explained
         told = _times(window.before, window.x[1] - window.x[0])
@@ -256,10 +282,11 @@ def stay(window: Window, x: Array, P: Array, Omega_m: Vector, h: float) -> None:
     window.clock[REST_COUNT] += 1.0
     if window.clock[REST_TIME] < REST or window.clock[REST_COUNT] < FEWEST:
         return
+    walk(window, P)
     turned = (window.resting[0], window.resting[1], window.resting[2])
     at_rest(x, P, so3.scale(1.0 / window.clock[REST_TIME], turned))
     window.resting[:] = 0.0
-    window.clock[REST_TIME:] = 0.0
+    window.clock[REST_TIME:WAITED] = 0.0
     clear(window)
     window.clock[BEFORE] = 0.0
     window.x[1] = x
@@ -299,8 +326,7 @@ def run(
         Omega = so3.sub(Omega_m, error(x, Omega_m))
         rate[i, 0], rate[i, 1], rate[i, 2] = Omega
         bias[i, 0], bias[i, 1], bias[i, 2] = x[0], x[1], x[2]
-        for j in range(3):
-            P[j, j] += h[i] * WALK_STD**2
+        window.clock[WAITED] += h[i]
         if restart[i]:
             clear(window)
             window.clock[BEFORE] = 0.0
@@ -309,13 +335,16 @@ def run(
             continue
         if window.clock[REST_TIME] > 0.0:
             window.resting[:] = 0.0
-            window.clock[REST_TIME:] = 0.0
+            window.clock[REST_TIME:WAITED] = 0.0
         if len(window.f) and not restart[i]:
-            q = so3.multiply(q, so3.exp(so3.scale(h[i], Omega)))
-            add(window, so3.matrix(q), Omega_m, y, i, h[i])
+            add(window, Omega_m, y, i, h[i])
+            if window.block[0] < BLOCK:
+                continue
+            q = end_block(window, x, q)
             if window.clock[TIME] >= WINDOW and window.clock[COUNT] >= FEWEST:
                 close(window, x, P)
                 q = so3.normalize(q)
+    walk(window, P)
     known[0], known[1] = x, np.sqrt(np.maximum(np.diag(P), 0.0))
 
 
@@ -328,7 +357,7 @@ def follow(
     """
     rate, bias, known = np.empty_like(gyro), np.empty_like(gyro), known.copy()
     k = y.shape[1]
-    shapes = ((3, N), (3, N), (k, 3), (3, N), (k, 3), (2, N), 6, 1, 5, 3)
+    shapes = ((3, N), (3, N), (k, 3), (3, N), (k, 3), (2, N), 7, 1, 5, (k, 3), 3)
     window = Window(*[np.zeros(shape) for shape in shapes])
     window.variance[:] = DIRECTION_STD**2
     window.x[:] = known[0]
