@@ -16,6 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from attest.conditioning import gyroscope_errors
+from attest.conditioning.gyroscope_errors import N
 from attest.geometry import mat3, so3
 from attest.geometry.jit import kernel
 from attest.geometry.mat3 import Matrix
@@ -24,15 +26,12 @@ from attest.geometry.so3 import Quaternion, Vector
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-N = 12
 BLOCK = 0.02
-"""In which the frame is taken as still where sensitivities are summed, s."""
+"""In which the frame is taken as still, s."""
 WINDOW = 6.0
 """Over which the direction of gravity is averaged, s: accelerations of the body cancel."""
 REST = 0.5
 """Over which the gyroscope is averaged at rest, s."""
-REST_STD = radians(0.05)
-"""Of that average against the bias, rad/s."""
 WALK_STD = radians(0.001)
 """Of the bias after a second, rad/s."""
 DIRECTION_STD = 0.02
@@ -82,32 +81,6 @@ SAMPLES = 4
 
 
 @kernel
-def error(x: Array, Omega_m: Vector) -> Vector:
-    """Return b + S Omega_m."""
-    return (
-        x[0] + x[3] * Omega_m[0] + x[4] * Omega_m[1] + x[5] * Omega_m[2],
-        x[1] + x[6] * Omega_m[0] + x[7] * Omega_m[1] + x[8] * Omega_m[2],
-        x[2] + x[9] * Omega_m[0] + x[10] * Omega_m[1] + x[11] * Omega_m[2],
-    )
-
-
-@kernel
-def update(x: Array, P: Array, H: Array, innovation: float, variance: float) -> None:
-    """Take one scalar measurement into x and P."""
-    PH = np.zeros(N)
-    expected = variance
-    for j in range(N):
-        for k in range(N):
-            PH[j] += P[j, k] * H[k]
-        expected += H[j] * PH[j]
-    for j in range(N):
-        gain = PH[j] / expected
-        x[j] += gain * innovation
-        for k in range(N):
-            P[j, k] -= gain * PH[k]
-
-
-@kernel
 def turn(Theta: Array, D: Matrix, block: Array) -> None:
     """Add D [h I, (h Omega_m)^T (x) I], summed over a block, to Theta."""
     for j in range(3):
@@ -120,63 +93,11 @@ def turn(Theta: Array, D: Matrix, block: Array) -> None:
 
 
 @kernel
-def sensitivity(Theta: Array, f: Vector) -> Array:
-    """Return what a change of x moves f by, Theta dx x f, shape (3, 12)."""
-    H = np.empty((3, N))
-    for j in range(3):
-        a, b = (j + 1) % 3, (j + 2) % 3
-        for k in range(N):
-            H[j, k] = Theta[a, k] * f[b] - Theta[b, k] * f[a]
-    return H
-
-
-@kernel
-def spread(H: Array, P: Array) -> float:
-    """Return the trace of H P H^T."""
-    trace = 0.0
-    for j in range(len(H)):
-        for k in range(N):
-            for m in range(N):
-                trace += H[j, k] * P[k, m] * H[j, m]
-    return trace
-
-
-@kernel
 def walk(window: Window, P: Array) -> None:
     """Let the bias have walked until now."""
     for j in range(3):
         P[j, j] += window.clock[WAITED] * WALK_STD**2
     window.clock[WAITED] = 0.0
-
-
-@kernel
-def compare(x: Array, P: Array, H: Array, nu: Vector, variance: float) -> None:
-    """Take what a direction drifted beyond expectation into x and P; H is its sensitivity."""
-    start = x.copy()
-    for j in range(3):
-        now = 0.0
-        for k in range(N):
-            now += H[j, k] * (x[k] - start[k])
-        update(x, P, H[j], nu[j] - now, variance)
-
-
-@kernel
-def at_rest(x: Array, P: Array, rate: Vector) -> None:
-    """Take the mean rate at rest, which is b but for S b, into x and P."""
-    H = np.zeros(N)
-    for j in range(3):
-        H[:] = 0.0
-        H[j] = 1.0
-        update(x, P, H, rate[j] - x[j], REST_STD**2)
-
-
-@kernel
-def _times(Theta: Array, x: Array) -> Vector:
-    """Return Theta x."""
-    a = b = c = 0.0
-    for k in range(N):
-        a, b, c = a + Theta[0, k] * x[k], b + Theta[1, k] * x[k], c + Theta[2, k] * x[k]
-    return (a, b, c)
 
 
 @kernel
@@ -208,7 +129,7 @@ def end_block(window: Window, x: Array, q: Quaternion) -> Quaternion:
     """Add a block to the window, weighted by a Hann function of its time; return the frame then."""
     block, clock = window.block, window.clock
     h, turned = block[0], (block[1], block[2], block[3])
-    known = so3.scale(h, error(x, so3.scale(1.0 / h, turned)))
+    known = so3.scale(h, gyroscope_errors.error(x, so3.scale(1.0 / h, turned)))
     theta = so3.sub(turned, known)
     # the samples are each at the end of a step: their mean is past the middle
     share = 0.5 + 0.5 / block[SAMPLES]
@@ -241,7 +162,7 @@ def angle(y: Array) -> float:
 def most(window: Window, H: Array, P: Array) -> float:
     """Return the drift from which a body is steered, as in a turn, and no gyroscope errs, rad."""
     if len(window.f) < 2:
-        return max(SMALL, MOST * sqrt(spread(H, P) + 3.0 * DIRECTION_STD**2))
+        return max(SMALL, MOST * sqrt(gyroscope_errors.spread(H, P) + 3.0 * DIRECTION_STD**2))
     turned = abs(angle(window.f) - angle(window.f_before)) < APART
     return np.inf if turned else SMALL
 
@@ -256,15 +177,15 @@ def close(window: Window, x: Array, P: Array) -> None:
     walk(window, P)
     if window.clock[BEFORE] > 0.0:
         # x has changed since the window before, and with it what is left to be explained
-        told = _times(window.before, window.x[1] - window.x[0])
+        told = gyroscope_errors.times(window.before, window.x[1] - window.x[0])
         window.before[:] += window.mean
         f = so3.row(window.f_before, 0)
-        H = sensitivity(window.before, f)
+        H = gyroscope_errors.sensitivity(window.before, f)
         nu = so3.sub(so3.sub(so3.row(window.f, 0), f), so3.cross(told, f))
         size2 = so3.dot(nu, nu)
         window.variance[0] += SEEN * (size2 / 3.0 - window.variance[0])
         if size2 < most(window, H, P) ** 2:
-            compare(x, P, H, nu, max(window.variance[0], DIRECTION_STD**2))
+            gyroscope_errors.compare(x, P, H, nu, max(window.variance[0], DIRECTION_STD**2))
     window.before[:] = window.Theta - window.mean
     window.f_before[:] = window.f
     window.x[0] = window.x[1]
@@ -284,7 +205,7 @@ def stay(window: Window, x: Array, P: Array, Omega_m: Vector, h: float) -> None:
         return
     walk(window, P)
     turned = (window.resting[0], window.resting[1], window.resting[2])
-    at_rest(x, P, so3.scale(1.0 / window.clock[REST_TIME], turned))
+    gyroscope_errors.at_rest(x, P, so3.scale(1.0 / window.clock[REST_TIME], turned))
     window.resting[:] = 0.0
     window.clock[REST_TIME:WAITED] = 0.0
     clear(window)
@@ -323,7 +244,7 @@ def run(
     x, P, q = known[0].copy(), np.diag(known[1] ** 2), (1.0, 0.0, 0.0, 0.0)
     for i in range(len(gyro)):
         Omega_m = so3.row(gyro, i)
-        Omega = so3.sub(Omega_m, error(x, Omega_m))
+        Omega = so3.sub(Omega_m, gyroscope_errors.error(x, Omega_m))
         rate[i, 0], rate[i, 1], rate[i, 2] = Omega
         bias[i, 0], bias[i, 1], bias[i, 2] = x[0], x[1], x[2]
         window.clock[WAITED] += h[i]

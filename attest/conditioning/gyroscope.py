@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from attest.conditioning import drift, frame, smoothing
+from attest.conditioning import drift, frame, gyroscope_errors, smoothing
 from attest.conditioning.measured import usable
 from attest.conditioning.rest import BIAS
 from attest.conditioning.rested import rested
@@ -74,7 +74,7 @@ def _corrected(
     recording: Recording, gyro: Signal, restart: Mask, config: Conditioning
 ) -> tuple[Array, Array | None, Array | None, list[Note]]:
     settings = config.gyroscope
-    known = np.zeros((2, drift.N))
+    known = np.zeros((2, gyroscope_errors.N))
     known[0, :3], known[0, 3:] = settings.bias, np.ravel(settings.scale)
     known[1, :3], known[1, 3:] = settings.bias_std, settings.scale_std
     told = resting(recording, gyro, restart) if settings.correct else None
