@@ -89,17 +89,16 @@ def _verdict(field: Field, basis: Array, fit: Fit) -> Verdict:
         for half, chosen in zip(halves, (first, ~first), strict=True)
     ]
     left = np.array([_left(half, other) for half, other in zip(halves, made[::-1], strict=True)])
-    differs = iron.heading(field, *made)
-    parts = np.array_split(np.arange(field.window[-1] + 1), PARTS)
-    ordered = [_left(field.part(np.isin(field.window, part)), found)[0] for part in parts]
-    against = _against(left, max(ordered), changed, differs)
+    against = _against(field, found, left, changed, iron.heading(field, *made))
     return Verdict(found, deviation, left, changed, against)
 
 
-def _against(left: Array, worst: float, changed: float, differs: float) -> str:
+def _against(field: Field, found: Iron, left: Array, changed: float, differs: float) -> str:
     """Say what speaks against a calibration."""
     if not (left[:, :2] <= HELPS).all() or not (left <= HARMS).all():
         return f"held-back parts of the log are not clearly better by it ({_told(left)})"
+    parts = np.array_split(np.arange(field.window[-1] + 1), PARTS)
+    worst = max(_left(field.part(np.isin(field.window, part)), found)[0] for part in parts)
     if worst > HARMS:
         return f"it makes a part of the log worse, by {worst - 1.0:.0%}"
     if differs > ALIKE * changed:
