@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from attest.conditioning import frame, specific_force
-from attest.conditioning.measured import Measured, carried, unit
-from attest.conditioning.timeline import SECOND, Timeline
+from attest.conditioning import directions, frame, specific_force, velocity
+from attest.conditioning.measured import Measured, carried, unit, usable
+from attest.conditioning.smoothing import longest_memory
+from attest.conditioning.timeline import BREAK, SECOND, Timeline
 from attest.config import Conditioning
 from attest.errors import ReadError
 from attest.geometry import quaternion
@@ -17,6 +18,8 @@ Array = NDArray[np.float64]
 
 GRAVITY = 9.80665
 """Standard gravity, m/s²; only its direction matters to the observers."""
+LOAD = 0.05
+"""Share of gravity by which the specific force differs where it is half believed to be gravity."""
 
 
 def accelerometer(
@@ -39,23 +42,7 @@ def accelerometer(
                 "Use 'reference: gravity' for 'accel'."
             )
         return plain, [Note("accelerometer's reference: gravity (the log has no velocity)")]
-    smoothed, inertial, notes = _specific_force(recording, line, signal, g, config)
-    expected, seen = np.linalg.norm(inertial, axis=1), np.linalg.norm(smoothed, axis=1)
-    if reference is None and not specific_force.explains(expected, seen, GRAVITY):
-        text = (
-            "accelerometer's reference: gravity (the log's velocity does not fit the accelerometer)"
-        )
-        return plain, [Note(text, doubt=True)]
-    # NaN where there is too little to smooth; near free fall there is no direction
-    with np.errstate(invalid="ignore"):
-        moving = np.minimum(expected, seen) > 0.1 * GRAVITY
-    still = len(line.t) - int(moving.sum())
-    if still:
-        text = "step without velocity nearby: the accelerometer's reference is gravity there"
-        notes.append(Note(text, still))
-    body = np.where(moving[:, np.newaxis], unit(smoothed), plain.body)
-    known = np.where(moving[:, np.newaxis], unit(inertial), plain.inertial)
-    return Measured(body, known, plain.valid, plain.length), notes
+    return _aided(recording, line, plain, g, reference, config)
 
 
 def corrected(recording: Recording, config: Conditioning) -> Recording:
@@ -68,23 +55,82 @@ def corrected(recording: Recording, config: Conditioning) -> Recording:
     return replace(recording, signals={**recording.signals, "accel": signal})
 
 
+def _aided(
+    recording: Recording,
+    line: Timeline,
+    plain: Measured,
+    g: Array,
+    reference: str | None,
+    config: Conditioning,
+) -> tuple[Measured, list[Note]]:
+    """Use a - g where there is a sound velocity, gravity where the vehicle does not manoeuvre."""
+    force, a_g, level, notes = _specific_force(recording, line, g, config)
+    expected, seen = np.linalg.norm(a_g, axis=1), np.linalg.norm(force, axis=1)
+    if reference is None and not specific_force.explains(expected, seen, GRAVITY):
+        text = (
+            "accelerometer's reference: gravity (the log's velocity does not fit the accelerometer)"
+        )
+        return plain, [Note(text, doubt=True)]
+    # NaN where there is too little to smooth; near free fall there is no direction
+    with np.errstate(invalid="ignore"):
+        moving = np.minimum(expected, seen) > 0.1 * GRAVITY
+    notes[0] = replace(notes[0], text=f"{notes[0].text}, used at {moving.mean():.0%} of the steps")
+    if still := len(line.t) - int(moving.sum()):
+        text = "step without velocity nearby: the accelerometer's reference is gravity there"
+        notes.append(Note(text, still))
+        plain = _unaided(plain, line, np.where(moving, np.linalg.norm(a_g - g, axis=1), level), config)
+    body = np.where(moving[:, np.newaxis], unit(force), plain.body)
+    known = np.where(moving[:, np.newaxis], unit(a_g), plain.inertial)
+    return Measured(body, known, plain.valid, plain.length), notes
+
+
+def _unaided(plain: Measured, line: Timeline, load: Array, config: Conditioning) -> Measured:
+    """Low-pass the accelerometer as far as it is gravity that it measures.
+
+    Parameters
+    ----------
+    load
+        What it is known to measure besides, m/s², (n,).
+    """
+    if config.smoothing.accel_s is None:
+        return plain
+    restart = np.diff(line.t, prepend=line.t[0] - BREAK) >= BREAK
+    h = np.where(restart, 0.0, np.diff(line.t, prepend=line.t[0]) * 1e-9)
+    weight = plain.valid / (1.0 + (load / (LOAD * GRAVITY)) ** 2)
+    tau = min(config.smoothing.accel_s, longest_memory(h, line.gyro))
+    body = np.empty_like(plain.body)
+    directions.low_pass(h, line.D, plain.body, plain.length, weight, restart, tau, body)
+    return replace(plain, body=body, valid=plain.valid & body.any(axis=1))
+
+
 def _specific_force(
-    recording: Recording, line: Timeline, signal: Signal, g: Array, config: Conditioning
-) -> tuple[Array, Array, list[Note]]:
-    """Return smoothed specific force in the body, a - g in the world, and what was done."""
-    settings, velocity = config.specific_force, recording.signals["velocity"]
+    recording: Recording, line: Timeline, g: Array, config: Conditioning
+) -> tuple[Array, Array, Array, list[Note]]:
+    """Return specific force in the body, a - g in the world, by how much its length is not gravity,
+    and what was done.
+    """
+    settings, signal = config.specific_force, usable(recording.signals["accel"])[0]
+    sigma, source = settings.smoothing_s, recording.signals["velocity"].source
     fixed = quaternion.rotate(frame.at(line.t, line.D, signal.t), signal.y)
-    level, _ = specific_force.smooth(line.t, signal.t, fixed, settings.smoothing_s)
+    level, _ = specific_force.smooth(line.t, signal.t, fixed, sigma)
+    length = np.linalg.norm(level, axis=1)
+    pair = velocity.compared(recording.signals["velocity"], signal.t, fixed, g, 0)
+    possible, notes = velocity.possible(pair, g)
     lag = settings.lag_s
     if lag is None:
-        _, a = specific_force.smooth(line.t, velocity.t, velocity.y, settings.smoothing_s)
-        lag = specific_force.find_lag(
-            seconds(line.t, int(line.t[0])),
-            np.linalg.norm(a - g, axis=1),
-            np.linalg.norm(level, axis=1),
-        )
+        some = velocity.kept(pair, possible)
+        a_g, _ = velocity.slopes(line.t, some, np.logical_or(*velocity.breaks(some)), sigma)
+        at = seconds(line.t, int(line.t[0]))
+        lag = specific_force.find_lag(at, np.linalg.norm(a_g, axis=1), length)
     told = "its lag could not be told and is taken as 0" if lag is None else f"{lag:+.2f} s late"
-    shifted = line.t + round((lag or 0.0) * SECOND)
-    _, a = specific_force.smooth(shifted, velocity.t, velocity.y, settings.smoothing_s)
-    note = Note(f"accelerometer's reference: a - g from {velocity.source} velocity, {told}")
-    return quaternion.rotate(quaternion.conjugate(line.D), level), a - g, [note]
+    late = round((lag or 0.0) * SECOND)
+    held = np.isin(recording.signals["velocity"].t, pair.t[~possible], invert=True)
+    raw = recording.signals["velocity"]
+    whole = Signal(raw.t[held], raw.y[held], raw.source)
+    pair, broken, left_out = velocity.sound(
+        velocity.compared(whole, signal.t, fixed, g, late), sigma
+    )
+    a_g, force = velocity.slopes(line.t + late, pair, broken, sigma)
+    note = Note(f"accelerometer's reference: a - g from {source} velocity, {told}")
+    off = np.where(np.isfinite(length), np.abs(length - GRAVITY), 0.0)
+    return quaternion.rotate(quaternion.conjugate(line.D), force), a_g, off, [note, *notes, *left_out]
