@@ -78,7 +78,9 @@ def _aided(
     if still := len(line.t) - int(moving.sum()):
         text = "step without velocity nearby: the accelerometer's reference is gravity there"
         notes.append(Note(text, still))
-        plain = _unaided(plain, line, np.where(moving, np.linalg.norm(a_g - g, axis=1), level), config)
+        plain = _unaided(
+            plain, line, np.where(moving, np.linalg.norm(a_g - g, axis=1), level), config
+        )
     body = np.where(moving[:, np.newaxis], unit(force), plain.body)
     known = np.where(moving[:, np.newaxis], unit(a_g), plain.inertial)
     return Measured(body, known, plain.valid, plain.length), notes
@@ -106,31 +108,32 @@ def _unaided(plain: Measured, line: Timeline, load: Array, config: Conditioning)
 def _specific_force(
     recording: Recording, line: Timeline, g: Array, config: Conditioning
 ) -> tuple[Array, Array, Array, list[Note]]:
-    """Return specific force in the body, a - g in the world, by how much its length is not gravity,
-    and what was done.
+    """Return specific force in the body, a - g in the world, and what was done.
+
+    Third is by how much the length of the specific force is not gravity's, m/s², (n,).
     """
-    settings, signal = config.specific_force, usable(recording.signals["accel"])[0]
-    sigma, source = settings.smoothing_s, recording.signals["velocity"].source
+    settings, aiding = config.specific_force, recording.signals["velocity"]
+    signal, sigma = usable(recording.signals["accel"])[0], settings.smoothing_s
     fixed = quaternion.rotate(frame.at(line.t, line.D, signal.t), signal.y)
     level, _ = specific_force.smooth(line.t, signal.t, fixed, sigma)
     length = np.linalg.norm(level, axis=1)
-    pair = velocity.compared(recording.signals["velocity"], signal.t, fixed, g, 0)
-    possible, notes = velocity.possible(pair, g)
+    pair = velocity.compared(aiding, signal.t, fixed, g, 0)
+    aiding, stuck = velocity.unstuck(aiding, pair)
     lag = settings.lag_s
     if lag is None:
-        some = velocity.kept(pair, possible)
-        a_g, _ = velocity.slopes(line.t, some, np.logical_or(*velocity.breaks(some)), sigma)
-        at = seconds(line.t, int(line.t[0]))
-        lag = specific_force.find_lag(at, np.linalg.norm(a_g, axis=1), length)
+        pair = velocity.compared(aiding, signal.t, fixed, g, 0)
+        a_g, _ = velocity.slopes(line.t, pair, np.logical_or(*velocity.breaks(pair)), sigma)
+        expected = np.linalg.norm(a_g, axis=1)
+        with np.errstate(invalid="ignore"):  # what no lag explains must not hide it
+            expected[np.abs(expected - length) > GRAVITY] = np.nan
+        lag = specific_force.find_lag(seconds(line.t, int(line.t[0])), expected, length)
     told = "its lag could not be told and is taken as 0" if lag is None else f"{lag:+.2f} s late"
+    note = Note(f"accelerometer's reference: a - g from {aiding.source} velocity, {told}")
     late = round((lag or 0.0) * SECOND)
-    held = np.isin(recording.signals["velocity"].t, pair.t[~possible], invert=True)
-    raw = recording.signals["velocity"]
-    whole = Signal(raw.t[held], raw.y[held], raw.source)
     pair, broken, left_out = velocity.sound(
-        velocity.compared(whole, signal.t, fixed, g, late), sigma
+        velocity.compared(aiding, signal.t, fixed, g, late), sigma
     )
     a_g, force = velocity.slopes(line.t + late, pair, broken, sigma)
-    note = Note(f"accelerometer's reference: a - g from {source} velocity, {told}")
+    force = quaternion.rotate(quaternion.conjugate(line.D), force)
     off = np.where(np.isfinite(length), np.abs(length - GRAVITY), 0.0)
-    return quaternion.rotate(quaternion.conjugate(line.D), force), a_g, off, [note, *notes, *left_out]
+    return force, a_g, off, [note, *stuck, *left_out]

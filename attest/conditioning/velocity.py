@@ -6,6 +6,8 @@ differences from one moment to another, whatever the attitude is. What does not 
 and nothing is differenced across it, nor across a gap.
 """
 
+from dataclasses import replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -74,24 +76,26 @@ def compared(velocity: Signal, accel: Stamps, fixed: Array, g: Array, late: int)
     return Compared(velocity.t[some], velocity.y[some] - np.outer(at, g), u)
 
 
-def possible(pair: Compared, g: Array) -> tuple[Mask, list[Note]]:
-    """Mark the samples but those that stand still while the vehicle does not."""
-    v = pair.v + np.outer(seconds(pair.t, int(pair.t[0])), g) if len(pair.t) else pair.v
-    same = np.max(np.abs(np.diff(v, axis=0)), axis=1, initial=0.0) < 1e-6
-    kept = np.ones(len(v), np.bool_)
+def unstuck(velocity: Signal, pair: Compared) -> tuple[Signal, list[Note]]:
+    """Leave out what stands still while the vehicle does not."""
+    y = velocity.y[np.isin(velocity.t, pair.t)]
+    same = np.all(np.diff(y, axis=0) == 0.0, axis=1)
+    kept = np.ones(len(y), np.bool_)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(np.int8)))
     for first, last in edges.reshape(-1, 2):
         if pair.t[last] - pair.t[first] >= STUCK:
             for begin, end in _pieces(pair.t, int(first), int(last)):
                 kept[begin : end + 1] &= not _moves(pair, begin, end)
-    return kept, _counted("that stands still while the vehicle does not: left out", kept)
+    rest = np.isin(velocity.t, pair.t[~kept], invert=True)
+    notes = _counted("that stands still while the vehicle does not: left out", kept)
+    return replace(velocity, t=velocity.t[rest], y=velocity.y[rest]), notes
 
 
 def _pieces(t: Stamps, first: int, last: int) -> list[tuple[int, int]]:
     """Divide samples from first to last where `PIECE` is full."""
     cuts = np.flatnonzero(np.diff((t[first : last + 1] - t[first]) // PIECE)) + 1 + first
     edges = [first, *cuts.tolist(), last]
-    return [(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True) if b > a]
+    return [(a, b) for a, b in pairwise(edges) if b > a]
 
 
 def _moves(pair: Compared, first: int, last: int) -> bool:
@@ -158,7 +162,8 @@ def agree(pair: Compared, broken: Mask, sigma: float) -> Mask:
     difference = _median(np.stack(off))
     known = np.isfinite(difference)
     usual = float(np.median(difference[known])) if known.any() else 0.0
-    return ~known | (np.where(known, difference, 0.0) <= np.clip(USUAL * usual, LEAST, MOST))
+    most = np.clip(USUAL * usual, LEAST, MOST)
+    return np.asarray(~known | (np.where(known, difference, 0.0) <= most))
 
 
 def _median(rows: Array) -> Array:
