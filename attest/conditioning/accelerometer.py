@@ -117,23 +117,23 @@ def _specific_force(
     fixed = quaternion.rotate(frame.at(line.t, line.D, signal.t), signal.y)
     level, _ = specific_force.smooth(line.t, signal.t, fixed, sigma)
     length = np.linalg.norm(level, axis=1)
-    pair = velocity.compared(aiding, signal.t, fixed, g, 0)
-    aiding, stuck = velocity.unstuck(aiding, pair)
-    lag = settings.lag_s
-    if lag is None:
-        pair = velocity.compared(aiding, signal.t, fixed, g, 0)
-        a_g, _ = velocity.slopes(line.t, pair, np.logical_or(*velocity.breaks(pair)), sigma)
-        expected = np.linalg.norm(a_g, axis=1)
-        with np.errstate(invalid="ignore"):  # what no lag explains must not hide it
-            expected[np.abs(expected - length) > GRAVITY] = np.nan
-        lag = specific_force.find_lag(seconds(line.t, int(line.t[0])), expected, length)
-    told = "its lag could not be told and is taken as 0" if lag is None else f"{lag:+.2f} s late"
-    note = Note(f"accelerometer's reference: a - g from {aiding.source} velocity, {told}")
+    raw = velocity.compared(aiding, signal.t, fixed, g, 0)
+    aiding, notes = velocity.unstuck(aiding, raw)
+    lag, late = settings.lag_s, 0
+    # what cannot be hides the lag, and a wrong lag makes what can be look as if it could not
+    for _ in range(2 if lag is None else 0):
+        pair, broken, _ = velocity.sound(velocity.compared(aiding, signal.t, fixed, g, late), sigma)
+        a_g, _ = velocity.slopes(line.t, pair, broken, sigma)
+        at = seconds(line.t, int(line.t[0]))
+        found = specific_force.find_lag(at, np.linalg.norm(a_g, axis=1), length)
+        lag, late = found, round((found or 0.0) * SECOND)
     late = round((lag or 0.0) * SECOND)
+    told = "its lag could not be told and is taken as 0" if lag is None else f"{lag:+.2f} s late"
+    notes.insert(0, Note(f"accelerometer's reference: a - g from {aiding.source} velocity, {told}"))
     pair, broken, left_out = velocity.sound(
         velocity.compared(aiding, signal.t, fixed, g, late), sigma
     )
     a_g, force = velocity.slopes(line.t + late, pair, broken, sigma)
     force = quaternion.rotate(quaternion.conjugate(line.D), force)
     off = np.where(np.isfinite(length), np.abs(length - GRAVITY), 0.0)
-    return force, a_g, off, [note, *stuck, *left_out]
+    return force, a_g, off, [*notes, *left_out]

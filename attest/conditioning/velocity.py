@@ -38,9 +38,9 @@ MOVED = 0.5
 LAGS = (1.5, 3.0, 4.5, 6.0)
 """Over which changes of the acceleration are compared, s."""
 USUAL = 5.0
-"""Times the usual difference that a change may differ by."""
+"""Times the usual difference by which a change may differ, be it more than that."""
 LEAST, MOST = 2.0, 5.0
-"""And in any case by the one, and not by more than the other, m/s²."""
+"""And an acceleration in any case by the one, and not by more than the other, m/s²."""
 
 
 class Compared(NamedTuple):
@@ -112,8 +112,9 @@ def breaks(pair: Compared) -> tuple[Mask, Mask]:
     """Mark the gaps (k - 1,) that are too long for a slope, and jumps that cannot be."""
     dt = np.diff(pair.t)
     change, felt = (np.linalg.norm(np.diff(y, axis=0), axis=1) for y in (pair.v, pair.u))
-    long = dt > GAP
-    return long, ~long & (np.abs(change - felt) > JUMP + JERK * dt * 1e-9)
+    long, off = dt > GAP, np.abs(change - felt)
+    usual = float(np.median(off)) if len(off) else 0.0
+    return long, ~long & (off > np.maximum(JUMP + JERK * dt * 1e-9, USUAL * usual))
 
 
 def lasting(t: Stamps, broken: Mask, shortest: int) -> Mask:
