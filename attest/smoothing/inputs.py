@@ -96,9 +96,9 @@ def log(samples: Samples, least: tuple[float, float]) -> Log:
     return Log(
         h=h,
         gyro=np.ascontiguousarray(samples.gyro),
-        turn_noise=_variance(h, samples.gyro, least[0]),
+        turn_noise=variance(h, samples.gyro, least[0]),
         force=force,
-        push_noise=_variance(h, rough[held], least[1]),
+        push_noise=variance(h, rough[held], least[1]),
         expected=np.ascontiguousarray(expected),
         force_valid=np.append(force_valid[:-1] & force_valid[1:], force_valid[-1:]),
         field=field,
@@ -109,7 +109,7 @@ def log(samples: Samples, least: tuple[float, float]) -> Log:
     )
 
 
-def _variance(h: Array, y: Array, least: float) -> Array:
+def variance(h: Array, y: Array, least: float) -> Array:
     """Return the variance of what each step of y (n, j) adds up to, (n,), by least per second.
 
     By second differences, which are of noise, and of motion that is too quick for the log: those of

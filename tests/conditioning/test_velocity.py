@@ -66,7 +66,7 @@ def test_without_a_velocity_the_error_is_many_times_as_large(quadcopter):
     [
         ("spike", 1.1, "velocity that stands alone between gaps or jumps: left out"),
         ("jump", 1.1, "jump of the velocity: no acceleration is taken across it"),
-        ("stuck", 3.0, "velocity that stands still while the vehicle does not: left out"),
+        ("stuck", 4.0, "velocity that stands still while the vehicle does not: left out"),
         ("outage", 1.5, "gap of over 2 s of the velocity: no acceleration is taken across it"),
         ("long outage", 3.0, "gap of over 2 s of the velocity: no acceleration is taken across it"),
     ],
