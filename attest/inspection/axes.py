@@ -50,15 +50,16 @@ def doubts(recording: Recording, found: Mapping[str, Fit]) -> Iterator[Note]:
     right = _right(found)
     turned = {name: fit for name, fit in _wrong(found).items() if not fit.shared}
     mirrored = [fit for fit in turned.values() if _mirrored(fit)]
-    agreed = [] if right or len(turned) < 2 or not _same(turned) else list(turned.values())
-    if mirrored or agreed:
+    agreed = [] if len(turned) < 2 or not _same(turned) else list(turned.values())
+    if not right and (mirrored or agreed):
         yield _of_gyroscope((mirrored + agreed)[0])
         return
     for name, fit in turned.items():
         if name != "reference":
             yield _of_vector(name, fit, right)
     if _scale(found) is None:
-        yield from references.doubts(recording, found)
+        witness = next((NAMES[name] for name in right if name != "reference"), "")
+        yield from references.doubts(recording, found, witness)
 
 
 def _wrong(found: Mapping[str, Fit]) -> dict[str, Fit]:
@@ -120,12 +121,7 @@ def _of_vector(name: str, fit: Fit, right: list[str]) -> Note:
 
 
 def _named(fit: Fit, axes: NDArray[np.float64]) -> str:
-    """Write x, y, z of the right axes in those that were read, such as ``(y, -x, z)``."""
-    if not fit.unique:
-        return ""
-    which = np.argmax(np.abs(axes), axis=1)
-    letters = [f"{'-' if axes[i, j] < 0.0 else ''}{'xyz'[j]}" for i, j in enumerate(which)]
-    return f" would fit as ({', '.join(letters)})"
+    return f" would fit as {turning.written(axes)}" if fit.unique else ""
 
 
 def _evidence(fit: Fit) -> str:

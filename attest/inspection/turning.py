@@ -98,6 +98,13 @@ def fit(gyro: Signal, vector: Signal) -> Fit | None:
     )
 
 
+def written(axes: Array) -> str:
+    """Write x, y, z of the right axes in those that were read, such as ``(y, -x, z)``."""
+    which = np.argmax(np.abs(axes), axis=1)
+    letters = [f"{'-' if axes[i, j] < 0.0 else ''}{'xyz'[j]}" for i, j in enumerate(which)]
+    return f"({', '.join(letters)})"
+
+
 def _cells(gyro: Signal, vector: Signal) -> Cells | None:
     """Return what a fit is made of; None where there is too little."""
     if len(gyro.t) < FEWEST or len(vector.t) < FEWEST:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from flights import FIELD, flight, gyro, recording, resting, seen, stamps, tumbling
 
-from attest import inspection, readers, simulation
+from attest import inspection
 from attest.geometry import quaternion
 from attest.inspection import axes
 from attest.recording import Note, Reference, Signal
@@ -18,13 +18,6 @@ FLU = np.diag([1.0, -1.0, -1.0])
 SWAPPED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 CYCLED = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-
-
-@pytest.fixture(scope="module", params=["handheld", "quadcopter", "fixed-wing"])
-def log(request, tmp_path_factory):
-    path = tmp_path_factory.mktemp("logs") / f"{request.param}.csv"
-    simulation.write(path, simulation.simulate(request.param))
-    return readers.read(path)
 
 
 def turned(log, name, matrix):
