@@ -21,6 +21,7 @@ def doubts(recording: Recording) -> tuple[Note, ...]:
         earth = place.find(recording)
         found = axes.fits(recording)
         unit = axes.unit(recording, found)
+        found = axes.felt_too(recording, found)
         return (
             *units.doubts(recording, earth),
             *limits.doubts(recording),

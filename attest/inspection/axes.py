@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from attest.inspection import references, turning, units
+from attest.inspection import carried, felt, references, turning, units
 from attest.inspection.turning import CLEAR, FITS, Fit
 from attest.recording import Note, Recording
 
@@ -37,6 +37,22 @@ def fits(recording: Recording) -> dict[str, Fit]:
     gyro = recording.signals["gyro"]
     found = {name: turning.fit(gyro, vector) for name, vector in vectors.items()}
     return {name: fit for name, fit in found.items() if fit is not None}
+
+
+def felt_too(recording: Recording, found: Mapping[str, Fit]) -> dict[str, Fit]:
+    """Add the accelerometer by other means, where accelerations keep it from turning alike."""
+    accel = recording.signals.get("accel")
+    known = "accel" in found and found["accel"].best > CLEAR
+    if "gyro" not in recording.signals or accel is None or known:
+        return dict(found)
+    reference = references.default(recording)
+    fit = None
+    if reference is not None and "reference" in _right(found):
+        fit = felt.fit(recording, reference)
+    if fit is None:
+        fit = carried.fit(recording.signals["gyro"], accel)
+    others = {name: other for name, other in found.items() if name != "accel"}
+    return dict(found) if fit is None else others | {"accel": fit}
 
 
 def unit(recording: Recording, found: Mapping[str, Fit]) -> Note | None:
@@ -106,7 +122,7 @@ def _of_gyroscope(fit: Fit) -> Note:
         text = (
             f"the gyroscope's axes are wrong{': they' if fit.unique else ''}{_named(fit, fit.axes)}"
         )
-    return Note(text + _evidence(fit), doubt=True)
+    return Note(text + (_evidence(fit) if fit.turns else ""), doubt=True)
 
 
 def _of_vector(name: str, fit: Fit, right: list[str]) -> Note:
@@ -117,7 +133,8 @@ def _of_vector(name: str, fit: Fit, right: list[str]) -> Note:
         what += f": the {NAMES[name]}'s"
     # the vector as read is P or -P times the true one, and both turn alike
     or_opposite = ", or the opposite" if fit.unique else ""
-    return Note(f"{what}{_named(fit, fit.axes.T)}{or_opposite}{_evidence(fit)}", doubt=True)
+    evidence = _evidence(fit) if fit.turns else ""
+    return Note(f"{what}{_named(fit, fit.axes.T)}{or_opposite}{evidence}", doubt=True)
 
 
 def _named(fit: Fit, axes: NDArray[np.float64]) -> str:
@@ -126,4 +143,5 @@ def _named(fit: Fit, axes: NDArray[np.float64]) -> str:
 
 def _evidence(fit: Fit) -> str:
     seen = f"{max(0.0, fit.as_read):.0%}"
-    return f" (that explains {fit.best:.0%} of the turns; as read, {seen})"
+    which = "that explains" if fit.unique else "others explain"
+    return f" ({which} {fit.best:.0%} of the turns; as read, {seen})"

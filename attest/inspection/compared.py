@@ -111,11 +111,7 @@ def _means(gyro: Signal, edges: NDArray[np.int64]) -> Array:
     t, y = gyro.t[part], gyro.y[part]
     if len(t) < 2:
         return np.full((len(edges) - 1, 3), np.nan)
-    at, stamps = seconds(edges, int(edges[0])), seconds(t, int(edges[0]))
-    steps = np.diff(stamps)[:, np.newaxis]
-    turned = np.vstack([np.zeros(3), np.cumsum(0.5 * (y[1:] + y[:-1]) * steps, axis=0)])
-    mean = np.diff(np.stack([np.interp(at, stamps, c) for c in turned.T], axis=1), axis=0)
-    mean /= np.diff(at)[:, np.newaxis]
+    mean = turning.means(seconds(t, int(edges[0])), y, seconds(edges, int(edges[0])))
     empty = np.diff(np.searchsorted(t, edges)).reshape(-1, 1) == 0
     return np.where(empty, np.nan, mean)
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from attest.geometry import earth as model
 from attest.inspection import references, worlds
 from attest.inspection.place import Earth
-from attest.inspection.turning import FITS, Fit
+from attest.inspection.turning import CLEAR, FITS, Fit
 from attest.recording import Note, Recording, Reference, Signal, seconds
 
 Array = NDArray[np.float64]
@@ -32,8 +32,9 @@ NED_OF_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 def doubts(recording: Recording, earth: Earth | None, found: Mapping[str, Fit]) -> Iterator[Note]:
     """Yield what does not fit between accelerometer, references, field, velocity and position."""
-    up = worlds.verticals(recording)
-    if up is not None:
+    up, accel = worlds.verticals(recording), found.get("accel")
+    # an accelerometer of other axes has been told of, too
+    if up is not None and (accel is None or accel.shared or accel.best < CLEAR):
         reference, turns = references.default(recording), found.get("reference")
         # a reference that turns otherwise has been told of, and knows no vertical
         trusted = reference if turns is None or turns.as_read >= FITS else None
