@@ -52,7 +52,8 @@ def explained(found: Cells, axes: Array) -> float:
     turned = _spared(found.reference @ axes.T)
     off = _spared(found.gyro) - turned
     power = float(np.sum(turned**2))
-    return 1.0 - float(np.sum(off**2)) / power if power > 0.0 else 0.0
+    share = 1.0 - float(np.sum(off**2)) / power if power > 0.0 else 0.0
+    return share if np.isfinite(share) else 0.0
 
 
 def still(found: Cells) -> tuple[float, Cells]:
@@ -82,6 +83,8 @@ def shift(gyro: Signal, reference: Reference) -> float | None:
     product = np.conj(np.fft.rfft(r, size, axis=0)) * np.fft.rfft(g, size, axis=0)
     match = np.fft.irfft(product, size, axis=0).sum(axis=1)
     match = np.concatenate([match[-most:], match[: most + 1]])
+    if not np.isfinite(match).all():
+        return None
     best = int(np.argmax(match))
     tops = 1 + np.flatnonzero((match[1:-1] >= match[:-2]) & (match[1:-1] >= match[2:]))
     good = tops[match[tops] > AS_GOOD * match[best]]
