@@ -32,6 +32,8 @@ FEWEST = 6
 """Pairs of windows that a fit needs."""
 STAYS = 0.1
 """In gravities: how far the mean may be from that of the window before, by root mean square."""
+MOST_SAMPLES = 5_000
+"""That the gyroscope's bias is taken from, spread over the log."""
 ALIKE = 1.5
 """Axes that leave up to so many times the least mean square fit alike."""
 PROPER = SIGNED[np.linalg.det(SIGNED) > 0.0]
@@ -46,7 +48,7 @@ def fit(gyro: Signal, accel: Signal) -> Fit | None:
     if not blocks:
         return None
     rates, felt = (np.concatenate(part) for part in zip(*blocks, strict=True))
-    rates = rates - np.median(gyro.y, axis=0)
+    rates = rates - np.median(gyro.y[:: -(-len(gyro.y) // MOST_SAMPLES)], axis=0)
     # an inverted gyroscope, with these axes, stands for a mirrored one
     return _fit(rates, felt, 1.0) or _fit(-rates, felt, -1.0)
 

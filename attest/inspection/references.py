@@ -54,7 +54,9 @@ def doubts(recording: Recording, found: Mapping[str, Fit], witness: str) -> Iter
     reference, fit = default(recording), found.get("reference")
     if reference is None or (not witness if fit is None else fit.as_read > SURE):
         return
-    cells = compared.cells(recording.signals["gyro"], reference)
+    gyro = turning.thinned(recording.signals["gyro"])
+    recording = replace(recording, signals={**recording.signals, "gyro": gyro})
+    cells = compared.cells(gyro, reference)
     if cells is None:
         return
     share = compared.explained(cells, np.eye(3))

@@ -118,6 +118,12 @@ def moving(gyro: Array, size: int) -> NDArray[np.intp]:
     return np.sort(np.argsort(spread)[-MOST_BLOCKS:]) * size
 
 
+def thinned(gyro: Signal) -> Signal:
+    """Average a gyroscope that is faster than is needed."""
+    merged = max(1, int(FINEST / period(gyro.t)))
+    return Signal(*_merged(gyro.t, gyro.y, merged), gyro.source)
+
+
 def means(stamps: Array, y: Array, edges: Array) -> Array:
     """Return the means of (n, k) values between edges, by their integral."""
     turned = np.zeros_like(y)
