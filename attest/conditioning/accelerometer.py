@@ -99,7 +99,7 @@ def _unaided(plain: Measured, line: Timeline, load: Array, config: Conditioning)
     restart = np.diff(line.t, prepend=line.t[0] - BREAK) >= BREAK
     h = np.where(restart, 0.0, np.diff(line.t, prepend=line.t[0]) * 1e-9)
     weight = plain.valid / (1.0 + (load / (LOAD * GRAVITY)) ** 2)
-    tau = min(config.smoothing.accel_s, longest_memory(h, line.gyro))
+    tau = np.full(len(h), min(config.smoothing.accel_s, longest_memory(h, line.gyro)))
     body = np.empty_like(plain.body)
     directions.low_pass(h, line.D, plain.body, plain.length, weight, restart, tau, body)
     return replace(plain, body=body, valid=plain.valid & body.any(axis=1))

@@ -31,6 +31,8 @@ MATTERS = np.deg2rad(0.3)
 """Least change of heading that is worth it, rad."""
 PARTS = 4
 """Of the log in its order, none of which may get worse."""
+RUN, SPOILS = 4, 1.5
+"""Windows in a row, and the share of the misfit of before that may be left in none of them."""
 NIL = 1e-6
 """Misfit that is none, as a share of the strength."""
 MICRO = 1e6
@@ -101,6 +103,10 @@ def _against(field: Field, found: Iron, left: Array, changed: float, differs: fl
     worst = max(_left(field.part(np.isin(field.window, part)), found)[0] for part in parts)
     if worst > HARMS:
         return f"it makes a part of the log worse, by {worst - 1.0:.0%}"
+    runs = np.arange(field.window[-1] + 1) // RUN
+    worst = max(_left(field.part(runs[field.window] == run), found)[0] for run in np.unique(runs))
+    if worst > SPOILS:
+        return f"it makes {RUN * iron.WINDOW:g} s of the log worse, by {worst - 1.0:.0%}"
     if differs > ALIKE * changed:
         return f"the log's halves differ by {np.rad2deg(differs):.1f}° of heading over it"
     return ""

@@ -60,7 +60,7 @@ def condition(recording: Recording, config: Configuration) -> tuple[Samples, tup
     notes += told
     field = found["mag"].field if "mag" in found else None
     measured = _stack([found[vector.signal].body for vector in wanted], len(gyro.t))
-    found, told = smooth(found, line, restart, config.conditioning)
+    found, told = smooth(found, line, restart, rates.deviation, config.conditioning)
     notes += told
     vectors = [found[vector.signal] for vector in wanted]
     samples = Samples(

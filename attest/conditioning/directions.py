@@ -8,7 +8,7 @@ alone: the body's turns do not blur it, and accelerations and disturbances cance
        in an almost inertial frame.
 """
 
-from math import sqrt
+from math import atan2, radians, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,14 @@ MEMORY = 30.0
 """Time constant of what the field usually is, s."""
 LEAST = 0.02
 """Share at which even a field that is not believed becomes usual."""
+HALF = 0.5
+"""A belief above which a field is the usual one."""
+OTHER = 5.0
+"""Time constant of what the field is of late, s."""
+ACCEPTED = 20.0
+"""After so long of it, moving, another field is the usual one, s."""
+MOVES = radians(20.0)
+"""Rate above which a body is moved about, so that what stays the same is a field, rad/s."""
 START = 3.0
 """In which whatever is measured first becomes usual, s."""
 
@@ -37,7 +45,7 @@ def low_pass(
     length: Array,
     weight: Array,
     restart: Mask,
-    tau: float,
+    tau: Array,
     out: Array,
 ) -> None:
     """Fill out (n, 3) with the directions of low-passed vectors in the body; zero while unknown.
@@ -55,8 +63,9 @@ def low_pass(
         Vectors in the body.
     weight : shape (n,)
         By which time goes on for the filter: 0 holds it.
+    tau : shape (n,)
+        Memory, s.
     """
-    w = sqrt(2.0) / tau
     value = slope = (0.0, 0.0, 0.0)
     known = 0.0
     for i in range(len(unit)):
@@ -66,12 +75,15 @@ def low_pass(
         step = weight[i] * (h[i] if h[i] > 0.0 else 1e-3)
         away = so3.sub(so3.scale(length[i], mat3.apply(D_i, so3.row(unit, i))), value)
         known += step
-        if known <= tau:
+        if known <= tau[i]:
+            slope = (0.0, 0.0, 0.0)
             value = so3.add(value, so3.scale(step / max(known, 1e-12), away))
         else:
+            w = sqrt(2.0) / tau[i]
             c = 1.0 / (1.0 + 2.0 * DAMPING * w * step + (w * step) ** 2)
             slope = so3.scale(c, so3.add(slope, so3.scale(w * w * step, away)))
             value = so3.add(value, so3.scale(step, slope))
+            known = tau[i]  # where the memory grows later, this much of it is there
         size = sqrt(so3.dot(value, value))
         u = so3.scale(1.0 / size if size > 0.0 else 0.0, value)
         out[i, 0], out[i, 1], out[i, 2] = mat3.apply(mat3.transpose(D_i), u)
@@ -98,9 +110,18 @@ def parts(mag: Array, length: Array, accel: Array, along: Array, across: Array) 
 
 @kernel
 def belief(
-    h: Array, along: Array, across: Array, valid: Mask, restart: Mask, scale: float, out: Array
+    h: Array,
+    along: Array,
+    across: Array,
+    gyro: Array,
+    valid: Mask,
+    restart: Mask,
+    scale: float,
+    out: Array,
 ) -> None:
     """Fill out (n,) with how far a field is believed, 1 where it is as usual.
+
+    What is not, but stays the same for long while the body moves, is usual from then on, [VQF].
 
     Parameters
     ----------
@@ -108,13 +129,16 @@ def belief(
         Time from the sample before, s.
     along, across : shape (n,)
         Component of the field along the vertical, and length of the rest.
+    gyro : shape (n, 3)
+        Rate, rad/s.
     scale
         Difference from the usual field, as a share of its strength, at which half is believed.
     """
     usual_along = usual_across = known = 0.0
+    other_along = other_across = steady = 0.0
     for i in range(len(out)):
         if restart[i]:
-            known = 0.0
+            known = steady = 0.0
         if not valid[i]:
             out[i] = 0.0
             continue
@@ -127,6 +151,17 @@ def belief(
         share = step / known if known < START else step / MEMORY * max(out[i], LEAST)
         usual_along += min(1.0, share) * d_along
         usual_across += min(1.0, share) * d_across
+        share = min(1.0, step / OTHER)
+        other_along += share * (along[i] - other_along)
+        other_across += share * (across[i] - other_across)
+        d_along, d_across = along[i] - other_along, across[i] - other_across
+        strength2 = other_along * other_along + other_across * other_across
+        if out[i] > HALF or d_along * d_along + d_across * d_across > strength2 * scale * scale:
+            steady = 0.0
+        elif so3.dot(so3.row(gyro, i), so3.row(gyro, i)) > MOVES * MOVES:
+            steady += step
+        if steady > ACCEPTED:
+            usual_along, usual_across, steady = other_along, other_across, 0.0
 
 
 @kernel
@@ -141,3 +176,45 @@ def bends(h: Array, gyro: Array) -> float:
             )
             total += h[i] * h[i] * so3.dot(bend, bend)
     return total
+
+
+@kernel
+def turns(h: Array, D: Array, unit: Array, valid: Mask, restart: Mask, window: float) -> Array:
+    """Return the angles between a direction's means over one window and the next, in the frame.
+
+    Parameters
+    ----------
+    h : shape (n,)
+        Time from the sample before, s.
+    D : shape (n, 4)
+        Frame of the gyroscope, body to frame.
+    unit, valid : shape (n, 3) and (n,)
+        Unit vectors in the body, and where they are measured.
+    window
+        Length of a window, s; one that is measured in less than half of it has no mean.
+
+    Returns
+    -------
+    angles : shape (n,)
+        At the end of each window, rad; zero elsewhere.
+    """
+    angles = np.zeros(len(unit))
+    before = total = (0.0, 0.0, 0.0)
+    time = seen = 0.0
+    for i in range(len(unit)):
+        if restart[i]:
+            before = total = (0.0, 0.0, 0.0)
+            time = seen = 0.0
+        time += h[i]
+        if valid[i]:
+            seen += h[i]
+            R = so3.matrix(so3.row4(D, i))
+            total = so3.add(total, so3.scale(h[i], mat3.apply(R, so3.row(unit, i))))
+        if time >= window:
+            across = so3.cross(before, total)
+            if seen > 0.5 * window and so3.dot(before, before) > 0.0:
+                angles[i] = atan2(sqrt(so3.dot(across, across)), so3.dot(before, total))
+            before = total if seen > 0.5 * window else (0.0, 0.0, 0.0)
+            total = (0.0, 0.0, 0.0)
+            time = seen = 0.0
+    return angles

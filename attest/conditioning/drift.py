@@ -68,6 +68,8 @@ class Window(NamedTuple):
     samples; time that P has not walked yet, s."""
     variance: Array
     """Of the direction as seen, (1,)."""
+    deviation: Array
+    """Of the least known axis of the bias, rad/s, (1,)."""
     block: Array
     """Sums since Theta was last added to: time, s, time times rate, rad; and samples, (5,)."""
     seen: Array
@@ -98,6 +100,12 @@ def walk(window: Window, P: Array) -> None:
     for j in range(3):
         P[j, j] += window.clock[WAITED] * WALK_STD**2
     window.clock[WAITED] = 0.0
+
+
+@kernel
+def note_deviation(window: Window, P: Array) -> None:
+    """Keep how well the bias is known."""
+    window.deviation[0] = sqrt(max(P[0, 0], P[1, 1], P[2, 2], 0.0))
 
 
 @kernel
@@ -186,6 +194,7 @@ def close(window: Window, x: Array, P: Array) -> None:
         window.variance[0] += SEEN * (size2 / 3.0 - window.variance[0])
         if size2 < most(window, H, P) ** 2:
             gyroscope_errors.compare(x, P, H, nu, max(window.variance[0], DIRECTION_STD**2))
+        note_deviation(window, P)
     window.before[:] = window.Theta - window.mean
     window.f_before[:] = window.f
     window.x[0] = window.x[1]
@@ -206,6 +215,7 @@ def stay(window: Window, x: Array, P: Array, Omega_m: Vector, h: float) -> None:
     walk(window, P)
     turned = (window.resting[0], window.resting[1], window.resting[2])
     gyroscope_errors.at_rest(x, P, so3.scale(1.0 / window.clock[REST_TIME], turned))
+    note_deviation(window, P)
     window.resting[:] = 0.0
     window.clock[REST_TIME:WAITED] = 0.0
     clear(window)
@@ -224,8 +234,9 @@ def run(
     window: Window,
     rate: Array,
     bias: Array,
+    deviation: Array,
 ) -> None:
-    """Fill the corrected rate and the bias, (n, 3), and what is known of x at the end.
+    """Fill the corrected rate and the bias, (n, 3), with its deviation, (n,), and x at the end.
 
     Parameters
     ----------
@@ -247,6 +258,7 @@ def run(
         Omega = so3.sub(Omega_m, gyroscope_errors.error(x, Omega_m))
         rate[i, 0], rate[i, 1], rate[i, 2] = Omega
         bias[i, 0], bias[i, 1], bias[i, 2] = x[0], x[1], x[2]
+        deviation[i] = window.deviation[0]
         window.clock[WAITED] += h[i]
         if restart[i]:
             clear(window)
@@ -269,18 +281,26 @@ def run(
     known[0], known[1] = x, np.sqrt(np.maximum(np.diag(P), 0.0))
 
 
-def follow(
-    h: Array, gyro: Array, y: Array, rest: Mask, restart: Mask, known: Array
-) -> tuple[Array, Array, Array]:
-    """Return the corrected rate and the bias, (n, 3), and x with its deviations, (2, 12).
+class Followed(NamedTuple):
+    """A gyroscope, corrected by what was known at each sample."""
 
-    Parameters are those of `run`; x is that at the end.
-    """
-    rate, bias, known = np.empty_like(gyro), np.empty_like(gyro), known.copy()
-    k = y.shape[1]
-    shapes = ((3, N), (3, N), (k, 3), (3, N), (k, 3), (2, N), 7, 1, 5, (k, 3), 3)
+    rate: Array
+    """Corrected rate, rad/s, shape (n, 3)."""
+    bias: Array
+    """Bias that was taken off, rad/s, shape (n, 3)."""
+    deviation: Array
+    """Standard deviation of its least known axis, rad/s, shape (n,)."""
+    known: Array
+    """x and its standard deviations at the end, shape (2, 12)."""
+
+
+def follow(h: Array, gyro: Array, y: Array, rest: Mask, restart: Mask, known: Array) -> Followed:
+    """Correct a gyroscope; parameters are those of `run`."""
+    rate, bias, deviation = np.empty_like(gyro), np.empty_like(gyro), np.empty(len(gyro))
+    known, k = known.copy(), y.shape[1]
+    shapes = ((3, N), (3, N), (k, 3), (3, N), (k, 3), (2, N), 7, 1, 1, 5, (k, 3), 3)
     window = Window(*[np.zeros(shape) for shape in shapes])
-    window.variance[:] = DIRECTION_STD**2
+    window.variance[:], window.deviation[:] = DIRECTION_STD**2, known[1, :3].max()
     window.x[:] = known[0]
-    run(h, gyro, y, rest, restart, known, window, rate, bias)
-    return rate, bias, known
+    run(h, gyro, y, rest, restart, known, window, rate, bias, deviation)
+    return Followed(rate, bias, deviation, known)

@@ -1,6 +1,6 @@
 """The gyroscope: its own errors taken off, and to each step the rate measured over it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 AXES = "xyz"
+UNKNOWN = 0.5
+"""Share of the deviation of before, above which a bias is hardly known."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,6 +36,8 @@ class Rates:
     known: Array | None = None
     """Bias, scale and misalignment at the end, and their deviations, (2, 12); None where nothing
     tells them."""
+    deviation: Array | None = None
+    """Of the bias, as it was known at each stamp, rad/s, shape (n,); None where nothing tells."""
 
 
 def rates(
@@ -44,16 +48,17 @@ def rates(
     config: Conditioning,
 ) -> tuple[Rates, list[Note]]:
     """Take the gyroscope's errors off, and give each step its rate."""
-    at, bias, known, notes = _corrected(recording, gyro, restart, config)
+    corrected, notes = _corrected(recording, gyro, restart, config)
+    at = corrected.at
     if config.gyroscope.sample == "begins":
-        return Rates(at, at, frame.mean_of_ends(at), bias, known), notes
+        return replace(corrected, mean=frame.mean_of_ends(at)), notes
     over = np.concatenate([at[1:], at[-1:]])
     mean = over.copy()
     # a step that is divided takes the line between its ends
     divided = np.flatnonzero((substeps > 1) | np.append(restart[1:], True))
     mean[divided] = 0.5 * (at[divided] + over[divided])
     over[divided] = at[divided]
-    return Rates(at, over, mean, bias, known), notes
+    return replace(corrected, over=over, mean=mean), notes
 
 
 def resting(recording: Recording, gyro: Signal, restart: Mask) -> tuple[Array, Mask] | None:
@@ -66,33 +71,34 @@ def resting(recording: Recording, gyro: Signal, restart: Mask) -> tuple[Array, M
     accel, _ = usable(recording.signals["accel"])
     if len(accel.t) < drift.FEWEST:
         return None
-    force = _at(gyro.t, accel)
-    return force, rested(_steps(gyro, restart), gyro.y, force, restart)
+    force, field = _at(gyro.t, accel), _field(recording, gyro)
+    return force, rested(_steps(gyro, restart), gyro.y, force, restart, field)
 
 
 def _corrected(
     recording: Recording, gyro: Signal, restart: Mask, config: Conditioning
-) -> tuple[Array, Array | None, Array | None, list[Note]]:
+) -> tuple[Rates, list[Note]]:
+    """Return the rate less the gyroscope's errors, for every step as at its stamp."""
     settings = config.gyroscope
     known = np.zeros((2, gyroscope_errors.N))
     known[0, :3], known[0, 3:] = settings.bias, np.ravel(settings.scale)
     known[1, :3], known[1, 3:] = settings.bias_std, settings.scale_std
     told = resting(recording, gyro, restart) if settings.correct else None
     if told is None:
-        return *_as_given(gyro, known[0]), None, []
+        return _as_given(gyro, known[0]), []
     force, still = told
     h = _steps(gyro, restart)
     y = _still(recording, gyro, force, h)
-    at, bias, known = drift.follow(h, gyro.y, y, still, restart, known)
-    return at, bias, known, [_told(still, known)]
+    at, bias, deviation, found = drift.follow(h, gyro.y, y, still, restart, known)
+    return Rates(at, at, at, bias, found, deviation), [_told(still, known, found)]
 
 
-def _as_given(gyro: Signal, x: Array) -> tuple[Array, Array | None]:
+def _as_given(gyro: Signal, x: Array) -> Rates:
     """Return the rate less the errors that are known before, and the bias if there are any."""
     if not x.any():
-        return gyro.y, None
+        return Rates(gyro.y, gyro.y, gyro.y, None)
     at = gyro.y - x[:3] - gyro.y @ x[3:].reshape(3, 3).T
-    return at, np.broadcast_to(x[:3], gyro.y.shape).copy()
+    return Rates(at, at, at, np.broadcast_to(x[:3], gyro.y.shape).copy())
 
 
 def _steps(gyro: Signal, restart: Mask) -> Array:
@@ -107,14 +113,21 @@ def _still(recording: Recording, gyro: Signal, force: Array, h: Array) -> Array:
     slow = smoothing.longest_memory(h, gyro.y) < drift.WINDOW
     if slow or "velocity" in recording.signals:
         return np.empty((len(h), 0, 3))
-    vectors = [force]
-    if "mag" in recording.signals:
-        mag, _ = usable(recording.signals["mag"])
-        vectors += [_at(gyro.t, mag)] if len(mag.t) >= drift.FEWEST else []
+    field = _field(recording, gyro)
+    vectors = [force, field] if len(field) else [force]
     stacked = np.empty((len(h), len(vectors), 3))
     for k, vector in enumerate(vectors):
         place(stacked, k, vector)
     return stacked
+
+
+def _field(recording: Recording, gyro: Signal) -> Array:
+    """Return the magnetometer at the gyroscope's stamps, (n, 3); none where there is too little."""
+    if "mag" in recording.signals:
+        mag, _ = usable(recording.signals["mag"])
+        if len(mag.t) >= drift.FEWEST:
+            return _at(gyro.t, mag)
+    return np.empty((0, 3))
 
 
 def _at(t: NDArray[np.int64], signal: Signal) -> Array:
@@ -126,12 +139,22 @@ def _at(t: NDArray[np.int64], signal: Signal) -> Array:
     return np.stack([np.interp(at, stamps, column) for column in signal.y.T], axis=1)
 
 
-def _told(resting: Mask, known: Array) -> Note:
+def _told(resting: Mask, before: Array, known: Array) -> Note:
     """Say what was found."""
-    bias = np.rad2deg(known[0, :3])
+    bias, large = np.rad2deg(known[0, :3]), bool(np.linalg.norm(known[0, :3]) > BIAS)
+    at_rest = f"(at rest {resting.mean():.0%} of the log)"
+    open_axes = "".join(
+        axis
+        for axis, std, prior in zip(AXES, known[1, :3], before[1, :3], strict=True)
+        if std > UNKNOWN * prior
+    )
+    if len(open_axes) == len(AXES):
+        return Note(f"gyroscope: nothing in the log tells its bias {at_rest}: left to the observer")
     text = (
         f"gyroscope: bias {bias[0]:+.2f}, {bias[1]:+.2f}, {bias[2]:+.2f} °/s at the end "
-        f"(at rest {resting.mean():.0%} of the log), scale and misalignment up to "
+        f"{at_rest}, scale and misalignment up to "
         f"{100.0 * np.abs(known[0, 3:]).max():.2f} %, taken off as they became known"
     )
-    return Note(text, doubt=bool(np.linalg.norm(known[0, :3]) > BIAS))
+    if open_axes:
+        text += f"; that about {' and '.join(open_axes)} is hardly told"
+    return Note(text, doubt=large)

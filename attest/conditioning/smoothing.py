@@ -18,20 +18,45 @@ LEVEL = 0.05
 """Least part of a field across the vertical that has a direction."""
 FRAME_ERROR = 0.01
 """By which the gyroscope's frame may err over a filter's memory, rad."""
+WINDOW = 5.0
+"""Over which a field's direction is averaged to be compared with the next, s."""
+SUDDEN = np.deg2rad(20.0)
+"""By which it may turn against the gyroscope, rad, for iron in the body."""
+SIGMAS = 3.0
+"""Deviations of the gyroscope's bias that are allowed for."""
+MENTIONED = 0.05
+"""Share of a log in which a shorter memory is worth a word."""
+LESS = 0.8
+"""Share of the longest memory below which it is shorter."""
+DRIFT = 0.02
+"""And by which it may drift over it, by the deviation of the gyroscope's bias, rad."""
 DOUBTED = 0.5
 """Belief below which a sample of the field counts as disturbed."""
 
 
 def smooth(
-    found: dict[str, Measured], line: Timeline, restart: Mask, config: Conditioning
+    found: dict[str, Measured],
+    line: Timeline,
+    restart: Mask,
+    deviation: Array | None,
+    config: Conditioning,
 ) -> tuple[dict[str, Measured], list[Note]]:
-    """Low-pass the directions, believe the field as far as it is usual, keep it out of the tilt."""
+    """Low-pass the directions, believe the field as far as it is usual, keep it out of the tilt.
+
+    Parameters
+    ----------
+    deviation : shape (n,)
+        Of the gyroscope's bias, rad/s: no memory is so long that the frame drifts; None where that
+        is as it was given.
+    """
     h = np.where(restart, 0.0, np.diff(line.t, prepend=line.t[0]) * 1e-9)
     settings, after, notes = config.smoothing, dict(found), []
     accel, mag = found.get("accel"), found.get("mag")
-    longest = longest_memory(h, line.gyro)
+    longest = np.full(len(h), longest_memory(h, line.gyro))
+    if deviation is not None:
+        longest = np.minimum(longest, DRIFT / np.maximum(deviation, 1e-12))
     if accel is not None and settings.accel_s is not None and len(accel.inertial) == 1:
-        tau = min(settings.accel_s, longest)
+        tau = np.minimum(settings.accel_s, longest)
         accel = _low_passed(accel, h, line, accel.valid.astype(float), restart, tau)
         after["accel"] = accel
         notes.append(_told("accelerometer", tau, settings.accel_s))
@@ -40,13 +65,14 @@ def smooth(
     if accel is None:
         weight = mag.valid.astype(float)
     else:
-        weight, told = _belief(mag, accel, h, restart, config)
+        weight, told = _belief(mag, accel, line.gyro, h, restart, config)
         notes += told
     apart = accel if config.magnetometer.decouple_tilt else None
     if apart is not None and len(apart.inertial) == 1:  # so that errors of the vertical cancel
         mag = _across(mag, apart)
+    notes += _turned(mag, line, h, restart, deviation)
     if settings.mag_s is not None:
-        tau = min(settings.mag_s, longest)
+        tau = np.minimum(settings.mag_s, longest)
         mag = _low_passed(mag, h, line, weight, restart, tau)
         notes.append(_told("magnetometer", tau, settings.mag_s))
     if apart is not None:
@@ -72,15 +98,21 @@ def longest_memory(h: Array, gyro: Array) -> float:
     return FRAME_ERROR**2 * float(h.sum()) / variance if variance > 0.0 else np.inf
 
 
-def _told(sensor: str, tau: float, wanted: float) -> Note:
-    text = f"{sensor} low-passed over {tau:.2g} s in the frame that the gyroscope integrates"
-    if tau < wanted:
-        text += f", not {wanted:g} s: the gyroscope is too slow for its motion"
-    return Note(text)
+def _told(sensor: str, tau: Array, wanted: float) -> Note:
+    least, most = float(tau.min()), float(tau.max())
+    frame = "in the frame that the gyroscope integrates"
+    if np.mean(tau < LESS * most) < MENTIONED:
+        text = f"{sensor} low-passed over {most:.2g} s {frame}"
+        short = f", not {wanted:g} s: the gyroscope is too slow for its motion, or its bias unknown"
+        return Note(text + (short if most < wanted else ""))
+    return Note(
+        f"{sensor} low-passed over {least:.2g} s, and up to {most:.2g} s as the gyroscope's bias "
+        f"became known, {frame}"
+    )
 
 
 def _low_passed(
-    vector: Measured, h: Array, line: Timeline, weight: Array, restart: Mask, tau: float
+    vector: Measured, h: Array, line: Timeline, weight: Array, restart: Mask, tau: Array
 ) -> Measured:
     out = np.empty_like(vector.body)
     directions.low_pass(h, line.D, vector.body, vector.length, weight, restart, tau, out)
@@ -89,7 +121,7 @@ def _low_passed(
 
 
 def _belief(
-    mag: Measured, accel: Measured, h: Array, restart: Mask, config: Conditioning
+    mag: Measured, accel: Measured, gyro: Array, h: Array, restart: Mask, config: Conditioning
 ) -> tuple[Array, list[Note]]:
     """Return how far each sample of the field is believed, (n,)."""
     scale = config.magnetometer.disturbance
@@ -100,11 +132,28 @@ def _belief(
     if len(accel.inertial) > 1:  # the vertical turns in the world: strength alone tells
         along, across = np.zeros(len(h)), mag.length
     weight = np.empty(len(h))
-    directions.belief(h, along, across, mag.valid, restart, scale, weight)
+    directions.belief(h, along, across, gyro, mag.valid, restart, scale, weight)
     disturbed = int(np.sum(mag.valid & (weight < DOUBTED)))
     text = "magnetometer sample unlike the field before it, believed the less"
     many = disturbed > 0.1 * len(h)
     return weight, [Note(text, disturbed, doubt=many)] if disturbed else []
+
+
+def _turned(
+    mag: Measured, line: Timeline, h: Array, restart: Mask, deviation: Array | None
+) -> list[Note]:
+    """Say where the field turns against the gyroscope by more than that can err."""
+    angles = directions.turns(h, line.D, mag.body, mag.valid, restart, WINDOW)
+    most = SUDDEN if deviation is None else SUDDEN + SIGMAS * WINDOW * deviation
+    sudden = np.flatnonzero(angles > most)
+    if not len(sudden):
+        return []
+    at, angle = np.cumsum(h)[sudden[0]], np.rad2deg(angles[sudden].max())
+    text = (
+        f"the field turns against the gyroscope, by up to {angle:.0f}° from one {WINDOW:g} s to "
+        f"the next, first at {at:.0f} s: disturbed, stuck or late; heading is doubtful since"
+    )
+    return [Note(text, len(sudden), doubt=True)]
 
 
 def _across(mag: Measured, accel: Measured) -> Measured:

@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 from flights import FIELD, at, body, rate, resting, stamps, tumbling
 from numpy.testing import assert_allclose
 from scipy.signal import butter, lfilter
@@ -17,7 +18,7 @@ def low_passed(y, tau=3.0, weight=None, restart=NO, D=D):
     weight = np.ones(len(y)) if weight is None else weight
     length = np.linalg.norm(y, axis=1)
     unit = y / np.maximum(length, 1e-30)[:, np.newaxis]
-    directions.low_pass(H, D, unit, length, weight, restart, tau, out)
+    directions.low_pass(H, D, unit, length, weight, restart, np.full(len(y), tau), out)
     return out
 
 
@@ -26,10 +27,10 @@ def direction(y):
     return y / np.maximum(np.linalg.norm(y, axis=-1, keepdims=True), 1e-30)
 
 
-def believed(along, across, scale=0.1, valid=None, restart=NO):
-    out = np.empty(len(T))
+def believed(along, across, scale=0.1, valid=None, restart=NO, moving=0.0):
+    out, gyro = np.empty(len(T)), np.full((len(T), 3), moving)
     valid = np.ones(len(T), bool) if valid is None else valid
-    directions.belief(H, np.array(along), np.array(across), valid, restart, scale, out)
+    directions.belief(H, np.array(along), np.array(across), gyro, valid, restart, scale, out)
     return out
 
 
@@ -109,3 +110,45 @@ def test_turned_frames_give_turned_vectors():
     y = body(tumbling, at(T), FIELD) + 1e-5 * np.random.default_rng(5).normal(size=(len(T), 3))
     q = quaternion.normalize(np.array([0.3, -0.5, 0.1, 0.8]))
     assert_allclose(low_passed(y, D=quaternion.multiply(q, D)), low_passed(y), atol=1e-12)
+
+
+def test_another_field_that_stays_while_the_body_moves_is_the_usual_one_after_a_while():
+    along = np.where(at(T) < 20.0, 30.0, 50.0)
+    across = np.full(len(T), 20.0)
+    still, moving = (believed(along, across, moving=rate) for rate in (0.0, 0.5))
+    assert still[-1] < 0.2
+    assert moving[at(T) < 43.0][-1] < 0.2
+    assert moving[at(T) > 48.0].min() > 0.9
+
+
+def test_a_wrong_field_at_the_start_does_not_starve_the_right_one():
+    along = np.where(at(T) < 5.0, 300.0, 40.0)
+    belief = believed(along, np.full(len(T), 20.0), moving=0.5)
+    assert belief[at(T) > 50.0].min() > 0.9
+
+
+def test_a_direction_that_turns_against_the_gyroscope_is_seen_and_one_that_the_body_turns_is_not():
+    y = direction(body(tumbling, at(T), FIELD))
+    seen = np.ones(len(T), bool)
+    assert directions.turns(H, D, y, seen, NO, 5.0).max() < 1e-3
+    half = np.deg2rad(25.0)
+    turned = quaternion.rotate(np.array([np.cos(half), 0.0, 0.0, np.sin(half)]), FIELD)
+    y = np.where((at(T) > 30.0)[:, np.newaxis], direction(body(tumbling, at(T), turned)), y)
+    angles = directions.turns(H, D, y, seen, NO, 5.0)
+    expected = np.arccos(direction(turned) @ direction(FIELD))
+    assert angles.max() == pytest.approx(expected, abs=0.01)
+    assert at(T)[np.argmax(angles)] == pytest.approx(35.0, abs=0.1)
+    assert directions.turns(H, D, y, seen & (at(T) < 30.0), NO, 5.0).max() < 1e-3
+
+
+def test_memory_that_grows_starts_from_what_there_is():
+    y = body(tumbling, at(T), FIELD)
+    drifting = frame.integrate(T, rate(tumbling, at(T) + 0.005) + np.array([0.0, 0.0, 0.0873]))
+    tau = np.where(at(T) < 10.0, 0.3, 9.0)
+    out = np.empty_like(y)
+    length = np.linalg.norm(y, axis=1)
+    ones = np.ones(len(y))
+    directions.low_pass(H, drifting, y / length[:, np.newaxis], length, ones, NO, tau, out)
+    off = np.rad2deg(np.arccos(np.clip(np.sum(out * direction(y), axis=1), -1.0, 1.0)))
+    assert off[:1000].max() < 2.0
+    assert off[1000:1030].max() < 2.0

@@ -31,7 +31,7 @@ def follow(gyro, *still, rest=NO, restart=FIRST, start=None):
 
 
 def test_bias_scale_and_misalignment_show_in_the_drift_of_gravity():
-    at_, bias, found = follow(measured(), start=known(0.03, 0.004))
+    at_, bias, _, found = follow(measured(), start=known(0.03, 0.004))
     assert_allclose(found[0, :3], BIAS, atol=5e-4)
     assert_allclose(found[0, 3:], S.ravel(), atol=2e-3)
     # gravity does not tell turns about itself, so that some of S stays as it was thought to be
@@ -41,25 +41,32 @@ def test_bias_scale_and_misalignment_show_in_the_drift_of_gravity():
 
 def test_a_large_bias_is_believed_where_the_field_drifts_alike():
     large = np.array([0.05, -0.06, 0.04])
-    _, _, found = follow(measured(large), ACCEL, MAG, start=known(0.03))
+    found = follow(measured(large), ACCEL, MAG, start=known(0.03)).known
     assert_allclose(found[0, :3], large, atol=2e-3)
 
 
 def test_what_is_said_to_be_known_covers_what_is_wrong():
-    _, _, found = follow(measured(), start=known(0.03, 0.004))
+    found = follow(measured(), start=known(0.03, 0.004)).known
     wrong = np.concatenate([BIAS, S.ravel()]) - found[0]
     assert (np.abs(wrong) < 4.0 * found[1] + 1e-4).all()
 
 
+def test_how_well_the_bias_is_known_at_each_sample_is_what_the_end_says():
+    found = follow(measured(), start=known(0.03, 0.004))
+    assert found.deviation[0] == 0.03
+    assert (np.diff(found.deviation) <= 1e-9).all()
+    assert found.deviation[-1] == pytest.approx(found.known[1, :3].max(), rel=0.02)
+
+
 def test_a_gyroscope_without_error_is_left_alone():
-    at_, _, found = follow(TRUE)
+    at_, _, _, found = follow(TRUE)
     assert_allclose(at_, TRUE, atol=2e-4)
     assert_allclose(found[0], 0.0, atol=2e-4)
 
 
 def test_at_rest_the_gyroscope_reads_its_bias():
     still = np.tile(BIAS, (len(T), 1))
-    at_, _, found = follow(still, np.tile([0.0, 0.0, 9.8], (len(T), 1)), rest=YES)
+    at_, _, _, found = follow(still, np.tile([0.0, 0.0, 9.8], (len(T), 1)), rest=YES)
     assert_allclose(found[0, :3], BIAS, atol=2e-4)
     assert_allclose(at_[1000:], 0.0, atol=5e-4)
 
@@ -75,7 +82,7 @@ def test_what_comes_later_changes_nothing():
 def test_accelerations_of_a_vehicle_that_cancel_do_not_show():
     push = 2.0 * np.sin(2.0 * np.pi * 0.5 * at(T))[:, np.newaxis] * [1.0, 0.5, 0.0]
     accel = ACCEL + body_of(push)
-    _, _, found = follow(measured(), accel)
+    found = follow(measured(), accel).known
     assert_allclose(found[0, :3], BIAS, atol=3e-3)
 
 
@@ -84,7 +91,7 @@ def body_of(vectors):
 
 
 def test_what_is_not_gravity_is_not_compared():
-    _, _, found = drift.follow(H, measured(), np.empty((len(T), 0, 3)), NO, FIRST, known())
+    found = drift.follow(H, measured(), np.empty((len(T), 0, 3)), NO, FIRST, known()).known
     assert_allclose(found[0], 0.0, atol=0)
 
 
@@ -96,7 +103,7 @@ def test_a_steady_turn_of_the_force_is_no_bias_once_rest_has_told_it(field):
     force = np.stack([bank * np.cos(turn), bank * np.sin(turn), np.full(len(T), -9.8)], axis=1)
     rested = at(T) < 20.0
     gyro = np.where(rested[:, np.newaxis], 0.0, TRUE)
-    _, _, found = follow(gyro, body_of(force), *field, rest=rested, start=known(0.03))
+    found = follow(gyro, body_of(force), *field, rest=rested, start=known(0.03)).known
     assert np.abs(found[0, :3]).max() < 2e-3
 
 
@@ -104,9 +111,9 @@ def test_a_steady_turn_of_the_force_is_no_bias_once_rest_has_told_it(field):
 def test_no_direction_is_compared_across_a_restart(gap):
     restart = FIRST | (np.arange(len(T)) == gap)
     gyro = measured().copy()
-    _, _, found = follow(gyro, np.where(np.arange(len(T))[:, np.newaxis] < gap, ACCEL, -ACCEL))
-    _, _, apart = follow(
+    found = follow(gyro, np.where(np.arange(len(T))[:, np.newaxis] < gap, ACCEL, -ACCEL)).known
+    apart = follow(
         gyro, np.where(np.arange(len(T))[:, np.newaxis] < gap, ACCEL, -ACCEL), restart=restart
-    )
+    ).known
     truth = np.concatenate([BIAS, S.ravel()])
     assert np.linalg.norm(apart[0] - truth) < np.linalg.norm(found[0] - truth)

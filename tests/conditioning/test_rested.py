@@ -3,9 +3,12 @@ import pytest
 
 from attest.conditioning.rest import SHORTEST
 from attest.conditioning.rested import rested
+from attest.geometry import quaternion
 
 RATE = 100.0
 RNG = np.random.default_rng(4)
+NONE = np.empty((0, 3))
+FIELD = np.array([20e-6, 2e-6, 40e-6])
 UP = np.array([0.0, 0.0, 9.8])
 
 
@@ -28,7 +31,7 @@ def found(*parts, restart=()):
     first = np.zeros(len(gyro), bool)
     first[[0, *restart]] = True
     h = np.where(first, 0.0, 1.0 / RATE)
-    return rested(h, gyro, accel, first)
+    return rested(h, gyro, accel, first, NONE)
 
 
 def test_rest_is_known_once_it_has_lasted():
@@ -74,4 +77,30 @@ def test_what_is_no_number_is_no_rest_and_is_forgotten():
 
 
 def test_an_empty_log_has_no_rest():
-    assert len(rested(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, bool))) == 0
+    assert len(rested(np.zeros(0), NONE, NONE, np.zeros(0, bool), NONE)) == 0
+
+
+def turning(rate, turned, noise=2e-7, seconds=8.0):
+    """Return whether rest is found of a gyroscope that says a rate, where the body turns or not."""
+    n = round(seconds * RATE)
+    gyro, _ = still(seconds, gyro=rate)
+    angle = np.outer(np.arange(n) / RATE, rate) if turned else np.zeros((n, 3))
+    back = quaternion.conjugate(quaternion.exp(angle))
+    accel, mag = (quaternion.rotate(back, np.tile(v, (n, 1))) for v in (UP, FIELD))
+    accel, mag = accel + 0.05 * RNG.normal(size=(n, 3)), mag + noise * RNG.normal(size=(n, 3))
+    h = np.where(np.arange(n) == 0, 0.0, 1.0 / RATE)
+    return rested(h, gyro, accel, h == 0.0, mag)
+
+
+@pytest.mark.parametrize("rate", [(0.0873, 0.0, 0.0), (0.0, 0.0, 0.0873), (0.2, -0.1, 0.2)])
+def test_a_large_bias_is_told_by_directions_that_stay(rate):
+    assert turning(rate, turned=False)[-300:].all()
+    assert not turning(rate, turned=True).any()
+
+
+def test_a_magnetometer_that_is_stuck_tells_no_rest():
+    assert not turning((0.0, 0.0, 0.0873), turned=False, noise=0.0).any()
+
+
+def test_a_turn_that_no_sensor_has_is_no_bias():
+    assert not turning((0.0, 0.0, 0.5), turned=False).any()

@@ -57,8 +57,10 @@ def test_a_clean_log_stays_clean():
     error, _, notes = observed(flight(duration=60.0))
     assert error[0] < 1.0
     assert error.max() < 1.0
-    assert "low-passed over 3 s" in texts(notes)
-    assert "low-passed over 9 s" in texts(notes)
+    told = texts(notes)
+    assert "accelerometer low-passed over 0.67 s, and up to " in told
+    assert "magnetometer low-passed over 0.67 s, and up to " in told
+    assert told.count("s as the gyroscope's bias became known") == 2
 
 
 def test_the_first_second_is_sane_from_noisy_samples():
@@ -70,7 +72,7 @@ def test_the_first_second_is_sane_from_noisy_samples():
     }
     error, _, _ = observed(replace(log, signals=noisy))
     assert error[100:].max() < 5.0
-    assert error[1000:].max() < 2.0
+    assert error[1000:].max() < 2.5
 
 
 def test_magnetometer_never_tilts():
@@ -104,6 +106,19 @@ def test_a_field_that_stays_changed_is_held_off_and_then_accepted(strength):
     assert error[: 66 * 100].max() < 10.0
     assert error[-1] == pytest.approx(30.0, abs=3.0)
     assert "unlike the field before it" in texts(notes)
+
+
+def test_a_field_that_turns_at_the_same_strength_and_dip_is_told():
+    half = np.deg2rad(35.0)
+    elsewhere = quaternion.rotate(np.array([np.cos(half), 0.0, 0.0, np.sin(half)]), FIELD)
+    log = flight(duration=120.0)
+    other = seen(tumbling, log.signals["mag"].t, elsewhere)
+    log = with_mag(log, lambda y, s: np.where(s[:, np.newaxis] > 62.0, other.y, y))
+    _, tilt, notes = observed(log)
+    assert tilt.max() < 0.5
+    (told,) = [note for note in notes if note.text.startswith("the field turns against the gyro")]
+    assert told.doubt
+    assert "first at 65 s" in told.text
 
 
 def test_a_passing_magnet_turns_the_heading_little():
@@ -149,13 +164,27 @@ def test_a_clipping_accelerometer_leaves_the_attitude_sane():
     assert error.max() < 10.0
 
 
-@pytest.mark.parametrize("bias", [(0.0873, 0.0, 0.0), (0.03, -0.06, 0.05)])
+@pytest.mark.parametrize("bias", [(0.0873, 0.0, 0.0), (0.03, -0.06, 0.05), (0.0, 0.0, 0.0873)])
 def test_a_bias_from_the_first_sample_is_overcome(bias):
     error, tilt, notes = observed(flight(duration=240.0, bias=bias))
-    assert error[7_200:].max() < 6.0
-    assert error[12_000:].max() < 3.0
+    assert error.max() < 15.0
+    assert error[7_200:].max() < 5.0
+    assert error[12_000:].max() < 2.0
     assert tilt[6_000:].max() < 2.0
     assert any(note.doubt for note in notes if "gyroscope: bias" in note.text)
+
+
+def yawing(seconds):
+    """Attitude that turns about the vertical only, so that gravity tells nothing of it."""
+    zero = np.zeros(np.shape(seconds))
+    return quaternion.from_euler(zero, zero, 1.5 * np.sin(0.31 * seconds))
+
+
+def test_a_bias_about_the_vertical_is_overcome_where_gravity_tells_nothing_of_it():
+    error, tilt, notes = observed(flight(yawing, duration=120.0, bias=(0.0, 0.0, 0.0873)))
+    assert error.max() < 10.0
+    assert tilt.max() < 1.0
+    assert "low-passed over 0.67 s" in texts(notes)
 
 
 def test_a_bias_is_told_by_rest():
