@@ -1,6 +1,7 @@
 """What `attest info` tells of a log: figures, place, motion, the command; as text, JSON, PNG."""
 
 import json
+import shlex
 from dataclasses import replace
 
 import numpy as np
@@ -248,6 +249,22 @@ def test_doubts_are_shown_as_warnings(tmp_path):
     signals = {**made.signals, "mag": Signal(made.signals["mag"].t, made.signals["mag"].y * 1e3)}
     simulation.write(tmp_path / "flight.csv", replace(made, signals=signals))
     assert "! the magnetometer reads" in info(tmp_path / "flight.csv").stdout
+
+
+@pytest.mark.parametrize(
+    ("name", "factor"), [("gyro", 180.0 / np.pi), ("accel", 1.0 / 9.80665), ("mag", 1e-2)]
+)
+def test_the_option_of_a_doubt_mends_it_as_it_stands(tmp_path, name, factor):
+    path = tmp_path / "flight.csv"
+    made = simulation.simulate("handheld")
+    signals = {**made.signals, name: Signal(made.signals[name].t, made.signals[name].y * factor)}
+    simulation.write(path, replace(made, signals=signals))
+    (warning,) = (line for line in info(path).stdout.splitlines() if "input.csv" in line)
+    option = shlex.split(warning.rpartition(": ")[2])
+    told = json.loads(info(path, *option, "--json").stdout)
+    assert told["warnings"] == []
+    ran = ["run", path, *option, "--quiet", "--output", tmp_path]
+    assert CliRunner().invoke(cli, [*map(str, ran)], catch_exceptions=False).exit_code == 0
 
 
 @pytest.mark.shared

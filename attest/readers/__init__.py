@@ -94,7 +94,7 @@ def read(path: Path, options: ReadOptions | None = None) -> Recording:
         The options ask for what the log does not hold.
     """
     options = options or ReadOptions()
-    name = recognise(path, mapped=options.csv is not None)
+    name = recognise(path, mapped=options.csv is not None and options.csv.maps)
     try:
         return _reader(name).read(path, options)
     except OSError as error:
