@@ -3,6 +3,7 @@
 import json
 import shlex
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -205,6 +206,22 @@ def test_a_csv_mapping_is_given_as_to_run(tmp_path):
     told = json.loads(info(logs / "a.csv", *in_radians).stdout)
     assert told["signals"]["gyro"]["max"][2] == 90.0
     assert told["command"].endswith(f"--observer {yaml} --set input.csv.gyro.unit=rad/s")
+
+
+def test_the_mapping_of_the_readme_works_as_it_stands(tmp_path):
+    readme = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+    (text,) = (part for part in readme.split("```yaml\n")[1:] if "  csv:" in part)
+    yaml, log = tmp_path / "mine.yaml", tmp_path / "a.csv"
+    yaml.write_text(text.partition("```")[0], encoding="utf-8")
+    rows = [f"{10_000 * i},0,{i % 7},90,0,0,1,0.2,0,0.4,1,0,0,0" for i in range(200)]
+    log.write_text("\n".join(["stamp,gx,gy,gz,ax,ay,az,mx,my,mz,qw,qx,qy,qz", *rows]))
+    told = json.loads(info(log, "--observer", yaml, "--json").stdout)
+    assert told["signals"].keys() == {"gyro", "accel", "mag"}
+    assert told["signals"]["gyro"]["rate_hz"] == 100.0
+    assert told["signals"]["accel"]["max"][2] == pytest.approx(9.80665)
+    assert (told["world"], [*told["references"]]) == ("enu", ["ref"])
+    ran = ["run", log, "--observer", yaml, "--quiet", "--output", tmp_path]
+    assert CliRunner().invoke(cli, [*map(str, ran)], catch_exceptions=False).exit_code == 0
 
 
 @pytest.mark.parametrize("command", ["info", "run"])

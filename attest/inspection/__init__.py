@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from attest.inspection import axes, figures, frames, motion, place, units
+from attest.inspection import axes, figures, frames, motion, place, stamps, units
 from attest.inspection.turning import Fit
 from attest.recording import Note, Recording
 
@@ -19,6 +19,8 @@ def doubts(recording: Recording) -> tuple[Note, ...]:
     recording = _told(recording)
     with np.errstate(all="ignore"):  # a hostile log's values overflow when squared
         earth = place.find(recording)
+        if (time := stamps.doubt(recording)) is not None:  # then no motion is what it seems
+            return time, *units.doubts(recording, earth)
         found = axes.fits(recording)
         unit = axes.unit(recording, found)
         return (

@@ -91,9 +91,14 @@ def read_in(recording: Recording, signal: str) -> float:
     """Return the unit, in SI, that the cells of a CSV were read in; 1 of other formats."""
     if recording.format not in {"csv", "sensor_logger"}:
         return 1.0
-    units, options = recording.details.get("units"), OPTIONS[signal]
-    told = units.get(signal) if isinstance(units, Mapping) else None
-    return options.get(str(told), next(iter(options.values())))
+    options = OPTIONS[signal]
+    return options.get(told(recording).get(signal, ""), next(iter(options.values())))
+
+
+def told(recording: Recording) -> Mapping[str, str]:
+    """Return the units that the reader of a CSV took, by signal."""
+    units = recording.details.get("units")
+    return units if isinstance(units, Mapping) else {}
 
 
 def mend(recording: Recording, signal: str, factor: float) -> str:

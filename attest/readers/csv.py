@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from attest.errors import ReadError
-from attest.readers import csv_head, csv_layouts, csv_plan, csv_signals
+from attest.readers import csv_head, csv_layouts, csv_plan, csv_signals, csv_times, unknown
 from attest.readers.csv_layouts import Known
 from attest.readers.csv_plan import Plan
 from attest.readers.csv_signals import Taken
@@ -44,14 +44,16 @@ def read(path: Path, options: ReadOptions) -> Recording:
     plan = _plan(path, options, known)
     if "gyro" not in plan.signals and not csv_plan.further(plan.signals):
         raise ReadError(
-            f"{path}: no gyro_x, gyro_y, gyro_z column. An observer needs the gyroscope, in rad/s."
+            f"{path}: no gyro_x, gyro_y, gyro_z, which an observer needs, in rad/s. The file has: "
+            f"{unknown.listed(list(plan.layout.names))}. Rename them, or tell them {unknown.MAP}."
             if not _maps(options)
             else f"{path}: no gyroscope, which an observer needs. Name it in input.csv.gyro."
         )
     taken = csv_signals.take(path, plan)
     if "gyro" not in taken.signals and not csv_plan.further(taken.signals):
         held = plan.signals["gyro"].source if "gyro" in plan.signals else "gyro_x, gyro_y, gyro_z"
-        raise ReadError(f"{path}: no row has a time and {held}. Fill the cells.")
+        why = csv_times.fault(path, plan) or f"no row has a time and {held}. Fill the cells."
+        raise ReadError(f"{path}: {why}")
     return recording(path, plan, _with_truth(path, known, taken), options, known)
 
 

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Times = NDArray[np.int64]
 
-_LATEST = 2**62  # ns: sums and differences of stamps stay within int64
+LATEST = 2**62  # ns: sums and differences of stamps stay within int64
 _EXACT = 10**15  # ns: up to here float64 of any unit holds nanoseconds
 _NUMBER = r"^[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,3})?$"
 
@@ -233,7 +233,7 @@ def _nanoseconds(column: Any, digits: int) -> tuple[Times, Mask]:
         # the integer behind a decimal of so many places, of which 64 bits are enough
         words = np.frombuffer(column.buffers()[1], np.int64, 2 * len(column), 16 * column.offset)
         low, high = words[::2], words[1::2]
-        ok = valid & (high == low >> 63) & (low < _LATEST) & (low > -_LATEST)
+        ok = valid & (high == low >> 63) & (low < LATEST) & (low > -LATEST)
         return np.where(ok, low, 0), ok
     times = column.to_numpy(zero_copy_only=False)
     ok = valid & np.isfinite(times)
@@ -242,6 +242,6 @@ def _nanoseconds(column: Any, digits: int) -> tuple[Times, Mask]:
 
 def _exact(cell: str | None, digits: int) -> int | None:
     """Nanoseconds of a decimal, rounded; None where there are none."""
-    if cell is None or abs(time := Decimal(cell)) >= Decimal(_LATEST).scaleb(-digits):
+    if cell is None or abs(time := Decimal(cell)) >= Decimal(LATEST).scaleb(-digits):
         return None
     return int(time.scaleb(digits).to_integral_value())

@@ -217,7 +217,9 @@ def test_an_empty_signal_is_noted(load):
         (f"{GYRO}\n\n\n", "a header and no rows. Check how the file was made."),
         (
             "time_s,accel_x\n0,1\n",
-            "no gyro_x, gyro_y, gyro_z column. An observer needs the gyroscope, in rad/s.",
+            "no gyro_x, gyro_y, gyro_z, which an observer needs, in rad/s. The file has: time_s, "
+            "accel_x. Rename them, or tell them by input.csv in a YAML (README.md, Configuration), "
+            "and name it by --observer.",
         ),
         (f"{GYRO},gyro_x\n0,1,2,3,4\n", "two columns are named gyro_x. Rename one."),
         (
@@ -225,8 +227,32 @@ def test_an_empty_signal_is_noted(load):
             "no row has a time and gyro_x, gyro_y, gyro_z. Fill the cells.",
         ),
         (
-            f"{GYRO}\na,b,c,d\n",
+            f"{GYRO}\n0,b,c,d\n",
             "no row has a time and gyro_x, gyro_y, gyro_z. Fill the cells.",
+        ),
+        (f"{GYRO}\n,1,2,3\n", "no row has a time and gyro_x, gyro_y, gyro_z. Fill the cells."),
+        (
+            f"{GYRO}\n2026-01-01 12:00,1,2,3\n",
+            "time_s is no number: 2026-01-01 12:00. Give seconds, or input.csv.time.",
+        ),
+        (
+            f"{GYRO}\n1777627812387,1,2,3\n",
+            "time_s, such as 1777627812387, looks like milliseconds since 1970. "
+            "Read it so: --set input.csv.time.unit=ms",
+        ),
+        (
+            f"{GYRO}\n1777627812387000,1,2,3\n",
+            "time_s, such as 1777627812387000, looks like microseconds since 1970. "
+            "Read it so: --set input.csv.time.unit=us",
+        ),
+        (
+            f"{GYRO}\n1777627812387000001,1,2,3\n",
+            "time_s, such as 1777627812387000001, looks like nanoseconds since 1970. "
+            "Read it so: --set input.csv.time.unit=ns",
+        ),
+        (
+            f"{GYRO}\n1e300,1,2,3\n",
+            "time_s, such as 1e300, is too large for a time. Give its unit by input.csv.time.",
         ),
     ],
 )
