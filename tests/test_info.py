@@ -12,7 +12,7 @@ from flights import FIELD, at, flight, gyro, recording, resting, stamps, tumblin
 
 from attest import inspection, readers, report, simulation
 from attest.cli import cli
-from attest.errors import ReadError
+from attest.errors import ConfigError, ReadError
 from attest.recording import Signal
 from attest.report.plot import _thinned
 from attest.simulation.degrade import Degradation, degrade
@@ -241,6 +241,71 @@ def test_a_folder_without_the_columns_that_are_told_is_one_line(tmp_path):
     assert str(caught.value) == (
         f"{logs}: no log, and no CSV with the columns of input.csv, in this folder. "
         "Name a log, or a folder with logs."
+    )
+
+
+def test_a_bad_log_among_others_is_a_line_and_the_rest_go_on(tmp_path, sample_logs):
+    good, bad, none = sample_logs / "quadcopter.csv", tmp_path / "bad.log", tmp_path / "none"
+    bad.write_bytes(b"nothing")
+    runner = CliRunner()
+    done = runner.invoke(cli, ["info", *map(str, (good, bad, none, good)), "--json"])
+    assert [json.loads(line)["format"] for line in done.stdout.splitlines()] == ["csv", "csv"]
+    assert done.stderr.splitlines() == [
+        f"attest: {bad}: not a log that attest knows (ros, ulog, dataflash, tlog, sensor_logger, "
+        "csv). Check that it is the file you meant.",
+        f"attest: {none}: no such file. Check the path.",
+    ]
+    assert isinstance(done.exception, ReadError)
+    assert str(done.exception) == "2 of 4 logs could not be used; see above."
+    text = runner.invoke(cli, ["info", str(bad), str(good)])
+    assert text.stdout.partition("  ")[0].endswith("sample_logs/quadcopter.csv")
+
+
+def refused(*arguments):
+    with pytest.raises(ConfigError) as caught:
+        cli.main([*map(str, arguments)], standalone_mode=False)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("command", ["info", "run"])
+@pytest.mark.parametrize(
+    ("name", "option", "value", "what"),
+    [
+        ("quadcopter.csv", "vehicle", "1", "csv has no choice of vehicle"),
+        ("quadcopter.BIN", "vehicle", "1", "dataflash has no choice of vehicle"),
+        ("quadcopter.ulg", "vehicle", "", "ulog has no choice of vehicle"),
+        ("quadcopter.bag", "vehicle", "1", "ros has no choice of vehicle"),
+        ("quadcopter.csv", "imu", "RAW_IMU", "csv has no choice of imu"),
+        ("quadcopter.tlog", "world", "enu", "tlog is in ned"),
+        ("quadcopter.ulg", "world", "enu", "ulog is in ned"),
+    ],
+)
+def test_an_option_that_means_nothing_is_refused(sample_logs, command, name, option, value, what):
+    log = sample_logs / name
+    key = f"input.{option}"
+    told = refused(command, log, "--set", f"{key}={json.dumps(value)}")
+    assert told == f"{log}: --{option} ({key}) means nothing here: {what}. Leave it out."
+
+
+def test_topics_of_no_ros_log_are_refused(sample_logs):
+    log = sample_logs / "quadcopter.tlog"
+    told = refused("run", log, "--set", "input.topics.mag=/mag")
+    assert (
+        told
+        == f"{log}: input.topics means nothing here: tlog has no choice of topics. Leave it out."
+    )
+
+
+def test_options_of_the_log_are_none_of_its_references_file(sample_logs, tmp_path):
+    log, other = sample_logs / "quadcopter.tlog", sample_logs / "quadcopter.ulg"
+    arguments = ["run", log, "--vehicle", "1", "--reference", other, "--output", tmp_path, "-q"]
+    assert CliRunner().invoke(cli, [*map(str, arguments)], catch_exceptions=False).exit_code == 0
+
+
+def test_an_empty_name_of_a_reference_is_refused(sample_logs):
+    assert refused("run", sample_logs / "quadcopter.csv", "--reference", "") == (
+        "fts: 'evaluation.reference' is \"\": an empty name. "
+        "Name a reference, a file, smoother or none."
     )
 
 

@@ -10,7 +10,7 @@ from typing import Protocol, cast
 
 from attest.config import Csv
 from attest.errors import ReadError
-from attest.readers.options import ReadOptions
+from attest.readers.options import ReadOptions, refuse_idle
 from attest.recording import Recording
 
 __all__ = ["NAMES", "ReadOptions", "is_log", "logs_in", "read", "recognise"]
@@ -92,6 +92,7 @@ def read(path: Path, options: ReadOptions | None = None) -> Recording:
     """
     options = options or ReadOptions()
     name = recognise(path, mapped=options.csv is not None and options.csv.maps)
+    refuse_idle(path, name, options)
     try:
         return _reader(name).read(path, options)
     except OSError as error:

@@ -84,8 +84,6 @@ def read(path: Path, options: ReadOptions) -> Recording:
     references = taken["Orientation.csv"].references
     if _is_apple(path):
         signals, references = _as_android(signals, references, notes)
-    if options.world == "ned":
-        notes.append(Note("world taken as z up, as the phone has it, not as asked", doubt=True))
     start = min(int(signal.t[0]) for signal in signals.values())
     return Recording(
         path=path,
