@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import ros_logs
 from click.testing import CliRunner
 from flights import FIELD, at, flight, gyro, recording, resting, stamps, tumbling
 
@@ -324,6 +325,26 @@ def test_a_long_signal_is_drawn_with_all_its_peaks(tmp_path):
     assert x.max() == 1.0
     assert at_[np.argmax(x)] == pytest.approx(31.2, abs=0.1)
     report.plot(recording({"gyro$": Signal(t, y)}), tmp_path / "peak.png")
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-4])
+def test_a_field_without_strength_is_a_direction(tmp_path, scale):
+    made = ros_logs.compass(
+        ros_logs.flight(ros_logs.Log(), count=500),
+        count=250,
+        field=(0.6 * scale, 0.0, -0.8 * scale),
+    )
+    path = made.write(tmp_path)
+    (line,) = (line for line in info(path).stdout.splitlines() if line.startswith("  field"))
+    only = "  field       direction only"
+    assert line == f"{only}: its strength is not the Earth's (22-67 µT on Earth)"
+    assert json.loads(info(path, "--json").stdout)["earth"]["field_ut"] is None
+    done = CliRunner().invoke(cli, ["run", str(path), "--output", str(tmp_path / "out")])
+    (line,) = (line for line in done.stdout.splitlines() if line.startswith("  field"))
+    assert line.startswith(only)
+    assert "µT" not in line.partition(";")[0]
+    (summary,) = (tmp_path / "out").rglob("fts.json")
+    assert json.loads(summary.read_text())["consistency"]["field_ut_median"] is None
 
 
 def test_doubts_are_shown_as_warnings(tmp_path):

@@ -103,7 +103,7 @@ def _nearest(t: NDArray[np.int64], stamps: NDArray[np.int64]) -> tuple[NDArray[n
 
 def _upside_down(recording: Recording, up: Signal) -> Iterator[Note]:
     """Tell of a body whose up is below, unless the reader did."""
-    if any(note.about == "up" for note in recording.notes):
+    if recording.tells("up"):
         return
     sign = -1.0 if recording.body == "frd" else 1.0
     if np.mean(sign * up.y[:, 2] < -0.5) < UPSIDE_DOWN:

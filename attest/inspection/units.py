@@ -146,7 +146,7 @@ def _field(
     recording: Recording, lengths: Mapping[str, Array], earth: Earth | None
 ) -> Iterator[Note]:
     # a reader that found a field without strength has said so
-    if "mag" not in lengths or any(note.about == "field strength" for note in recording.notes):
+    if "mag" not in lengths or recording.tells("field strength"):
         return
     strength = float(np.median(lengths["mag"]))
     low, high = FIELD[0] / FIELD_MARGIN, FIELD[1] * FIELD_MARGIN

@@ -61,8 +61,12 @@ def _physics(info: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def _field(earth: Mapping[str, Any]) -> str:
-    model = f"{earth['field_ut_model']:.1f} by the model" if "place" in earth else "22-67 on Earth"
-    return f"{earth['field_ut']:.4g} µT in the median, {model}"
+    known = "place" in earth
+    strength = f"{earth['field_ut_model']:.1f}" if known else "22-67"
+    whose = "by the model" if known else "on Earth"
+    if earth["field_ut"] is None:
+        return f"direction only: its strength is not the Earth's ({strength} µT {whose})"
+    return f"{earth['field_ut']:.4g} µT in the median, {strength} {whose}"
 
 
 def _place(earth: Mapping[str, Any]) -> str:
