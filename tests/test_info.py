@@ -1,6 +1,7 @@
 """What `attest info` tells of a log: figures, place, motion, the command; as text, JSON, PNG."""
 
 import json
+import re
 import shlex
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from flights import FIELD, at, flight, gyro, recording, resting, stamps, tumblin
 from attest import inspection, readers, report, simulation
 from attest.cli import cli
 from attest.errors import ConfigError, ReadError
-from attest.recording import Signal
+from attest.recording import Reference, Signal
 from attest.report.plot import _thinned
 from attest.simulation.degrade import Degradation, degrade
 
@@ -345,6 +346,83 @@ def test_a_field_without_strength_is_a_direction(tmp_path, scale):
     assert "µT" not in line.partition(";")[0]
     (summary,) = (tmp_path / "out").rglob("fts.json")
     assert json.loads(summary.read_text())["consistency"]["field_ut_median"] is None
+
+
+def test_a_gap_is_not_drawn_across():
+    t = np.array([0.0, 0.1, 0.2, 5.0, 5.1])
+    at_, x = _thinned(t, np.arange(5.0))
+    assert np.isnan(x).tolist() == [False] * 3 + [True] + [False] * 2
+    assert at_[np.isfinite(at_)].tolist() == t.tolist()
+    t = stamps(1000.0, 60.0)
+    t[20_000:] += 10 * 10**9
+    _, x = _thinned(at(t), np.zeros(len(t)))
+    (where,) = np.flatnonzero(np.isnan(x))
+    assert where == pytest.approx(len(x) / 3, abs=3)
+
+
+@pytest.mark.parametrize(
+    ("name", "what"),
+    [
+        ("a.txt", "the picture is a PNG. Give it a name that ends in .png."),
+        ("a", "the picture is a PNG. Give it a name that ends in .png."),
+        ("none/a.png", "no folder {folder}/none. Make it, or choose another."),
+        ("there.png", "a folder. Name a file in it."),
+    ],
+)
+def test_a_picture_that_cannot_be_is_one_line(tmp_path, sample_logs, name, what):
+    (tmp_path / "there.png").mkdir()
+    picture = tmp_path / name
+    told = refused("info", sample_logs / "quadcopter.csv", "--plot", picture)
+    assert told == f"--plot {picture}: {what.format(folder=tmp_path)}"
+    assert [path.name for path in tmp_path.iterdir()] == ["there.png"]
+
+
+@pytest.mark.parametrize("name", ["-x.csv", "a flight.csv", "it's.csv", '"q".csv', "$HOME;ls.csv"])
+def test_the_command_is_one_that_a_shell_runs(tmp_path, monkeypatch, sample_logs, name):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / name).write_bytes((sample_logs / "quadcopter.csv").read_bytes())
+    told = json.loads(info("--json", "--", name).stdout)["command"]
+    # as a shell splits it
+    program, *words = shlex.split(told)
+    assert program == "attest"
+    ran = CliRunner().invoke(cli, [*words, "--quiet", "-o", "integration"], catch_exceptions=False)
+    assert ran.exit_code == 0
+    assert (tmp_path / "attest_out" / Path(name).stem).is_dir()
+
+
+def test_turns_are_told_in_words(sample_logs):
+    text = info(sample_logs / "quadcopter.tlog").stdout
+    (line,) = (line for line in text.splitlines() if line.startswith("  turns"))
+    assert re.fullmatch(
+        r"  turns       as the gyroscope says: magnetometer \(9\d%\), reference \(100%\); "
+        r"not as the gyroscope says: accelerometer \(\d%\), usual at rest or when accelerating",
+        line,
+    )
+
+
+def test_long_names_keep_the_columns():
+    log = flight()
+    gyro, source = log.signals["gyro"], "w_RS_S_x [rad s^-1], w_RS_S_y [rad s^-1], w_RS_S_z"
+    signals = {"gyro": replace(gyro, source=source), "mag": log.signals["mag"], "s" * 50: gyro}
+    described = report.describe(replace(log, signals=signals))
+    lines = report.text_of_info(described).splitlines()
+    first = next(i for i, line in enumerate(lines) if line.startswith("  signal"))
+    rows = lines[first : first + 4]
+    assert {row.index("Hz") for row in rows[1:]} == {rows[0].index("rate") + 2}
+    assert f" {source[:39]}… " in rows[1]
+    assert rows[3].startswith(f"  {'s' * 39}… ")
+
+
+def test_of_many_references_the_first_are_shown():
+    log = flight()
+    q = np.tile([1.0, 0, 0, 0], (3, 1))
+    many = {f"/tf {i}": Reference(f"/tf {i}", "truth", stamps(1.0, 3.0), q) for i in range(50)}
+    described = report.describe(replace(log, references=many))
+    text = report.text_of_info(described)
+    assert len(described["references"]) == 50
+    assert "/tf 11 " in text
+    assert "/tf 12 " not in text
+    assert "\n  and 38 more, which --json has" in text
 
 
 def test_doubts_are_shown_as_warnings(tmp_path):

@@ -1,7 +1,7 @@
 """``attest info``."""
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import click
@@ -51,8 +51,8 @@ def info(
 
     configuration = pipeline.configure(observer, [*_chosen(vehicle, world, imu), *assignments])
     found = find_logs(logs, configuration.input.csv)
-    if plot is not None and len(found) > 1:
-        raise ConfigError(f"--plot {plot}: one picture for {len(found)} logs. Name one log.")
+    if plot is not None:
+        _check_plot(plot, found)
     options = {"--observer": observer, "--vehicle": vehicle, "--world": world}
     needed = [*_options(options), *_assigned([*_chosen(None, None, imu), *assignments])]
     shown = 0
@@ -71,6 +71,18 @@ def info(
         shown += 1
     if shown < len(found):
         raise ReadError(f"{len(found) - shown} of {len(found)} logs could not be used; see above.")
+
+
+def _check_plot(plot: Path, logs: Sequence[Path]) -> None:
+    """Refuse what cannot be a picture's name, before the logs are read."""
+    if len(logs) > 1:
+        raise ConfigError(f"--plot {plot}: one picture for {len(logs)} logs. Name one log.")
+    if plot.suffix.lower() != ".png":
+        raise ConfigError(f"--plot {plot}: the picture is a PNG. Give it a name that ends in .png.")
+    if plot.is_dir():
+        raise ConfigError(f"--plot {plot}: a folder. Name a file in it.")
+    if not plot.parent.is_dir():
+        raise ConfigError(f"--plot {plot}: no folder {plot.parent}. Make it, or choose another.")
 
 
 def _chosen(vehicle: str | None, world: str | None, imu: str | None) -> Iterator[str]:

@@ -62,7 +62,8 @@ def _physics(recording: Recording, turns: Mapping[str, Fit]) -> dict[str, Any]:
 
 def command(recording: Recording, options: Iterable[str] = ()) -> str | None:
     """Return the command that runs a log, with the options that it needs; None if none does."""
-    words = ["attest", "run", str(recording.path), *options]
+    log = str(recording.path)
+    words = ["attest", "run", f"./{log}" if log.startswith("-") else log, *options]
     if "gyro" not in recording.signals:
         if not any(name.removeprefix("point").isdecimal() for name in recording.signals):
             return None

@@ -207,6 +207,18 @@ def test_an_empty_signal_is_noted(load):
     assert notes(recording) == {"signal without a usable row: mag": 1}
 
 
+def test_rows_that_run_backwards_are_turned_round(load):
+    recording = load(
+        f"{GYRO},mag_x,mag_y,mag_z\n9,7,8,9,,,\n1.5,4,5,6,1,2,3\n,0,0,0,,,\n0,1,2,3,,,\n"
+    )
+    assert recording.signals["gyro"].t.tolist() == [0, 15 * 10**8, 9 * 10**9]
+    assert recording.signals["gyro"].y.tolist() == [[1, 2, 3], [4, 5, 6], [7, 8, 9]]
+    assert recording.signals["mag"].t.tolist() == [15 * 10**8]
+    told = notes(recording)
+    assert told.pop("time runs backwards: rows taken from the last to the first") == 1
+    assert told == {"rows without a time that can be used, skipped": 1}
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
