@@ -1,5 +1,6 @@
 """What is wrong with the times of a CSV that none of can be used."""
 
+from math import isnan, nan
 from pathlib import Path
 
 from attest.readers import csv_head
@@ -14,21 +15,22 @@ DATES = (631_152_000, 4_102_444_800)
 def fault(path: Path, plan: Plan) -> str | None:
     """Tell what is wrong with the first time, and what to do; None where nothing is."""
     cell = _first(path, plan)
+    shown = f"{plan.clock}, such as {cell[:40]}"
     try:
         time = float(cell.replace(plan.layout.decimal, "."))
     except ValueError:
-        given = cell[:40]
-        return given and f"{plan.clock} is no number: {given}. Give seconds, or input.csv.time."
+        time = nan
+    if isnan(time):
+        return f"{shown}, is no number. Give seconds, or input.csv.time." if cell else None
     if abs(time) * 10.0**plan.stamps.digits < LATEST:
         return None
     for unit, digits in DIGITS.items():
         if DATES[0] <= time * 10.0 ** (digits - 9) <= DATES[1]:
             return (
-                f"{plan.clock}, such as {cell}, looks like {NAMES[unit]} since 1970. "
+                f"{shown}, looks like {NAMES[unit]} since 1970. "
                 f"Read it so: --set input.csv.time.unit={unit}"
             )
-    held = f"{plan.clock}, such as {cell[:40]}"
-    return f"{held}, is too large for a time. Give its unit by input.csv.time."
+    return f"{shown}, is too large for a time. Give its unit by input.csv.time."
 
 
 def _first(path: Path, plan: Plan) -> str:

@@ -245,7 +245,11 @@ def test_rows_that_run_backwards_are_turned_round(load):
         (f"{GYRO}\n,1,2,3\n", "no row has a time and gyro_x, gyro_y, gyro_z. Fill the cells."),
         (
             f"{GYRO}\n2026-01-01 12:00,1,2,3\n",
-            "time_s is no number: 2026-01-01 12:00. Give seconds, or input.csv.time.",
+            "time_s, such as 2026-01-01 12:00, is no number. Give seconds, or input.csv.time.",
+        ),
+        (
+            f"{GYRO}\nnan,1,2,3\n",
+            "time_s, such as nan, is no number. Give seconds, or input.csv.time.",
         ),
         (
             f"{GYRO}\n1777627812387,1,2,3\n",
