@@ -126,6 +126,10 @@ class Recording:
             raise ReadError(f"{self.path}: no {name!r} signal. The log holds: {held}.")
         return self.signals[name]
 
+    def tells(self, subject: Subject) -> bool:
+        """Whether a note is about a subject."""
+        return any(note.about == subject for note in self.notes)
+
 
 def _check_clock(name: str, t: NDArray[np.int64], y: NDArray[np.float64]) -> None:
     if t.dtype != np.int64 or y.ndim != 2 or len(t) != len(y):

@@ -1,17 +1,21 @@
 """What `attest info` tells of a log: figures, place, motion, the command; as text, JSON, PNG."""
 
 import json
+import re
+import shlex
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+import ros_logs
 from click.testing import CliRunner
 from flights import FIELD, at, flight, gyro, recording, resting, stamps, tumbling
 
 from attest import inspection, readers, report, simulation
 from attest.cli import cli
-from attest.errors import ReadError
-from attest.recording import Signal
+from attest.errors import ConfigError, ReadError
+from attest.recording import Reference, Signal
 from attest.report.plot import _thinned
 from attest.simulation.degrade import Degradation, degrade
 
@@ -206,6 +210,22 @@ def test_a_csv_mapping_is_given_as_to_run(tmp_path):
     assert told["command"].endswith(f"--observer {yaml} --set input.csv.gyro.unit=rad/s")
 
 
+def test_the_mapping_of_the_readme_works_as_it_stands(tmp_path):
+    readme = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+    (text,) = (part for part in readme.split("```yaml\n")[1:] if "  csv:" in part)
+    yaml, log = tmp_path / "mine.yaml", tmp_path / "a.csv"
+    yaml.write_text(text.partition("```")[0], encoding="utf-8")
+    rows = [f"{10_000 * i},0,{i % 7},90,0,0,1,0.2,0,0.4,1,0,0,0" for i in range(200)]
+    log.write_text("\n".join(["stamp,gx,gy,gz,ax,ay,az,mx,my,mz,qw,qx,qy,qz", *rows]))
+    told = json.loads(info(log, "--observer", yaml, "--json").stdout)
+    assert told["signals"].keys() == {"gyro", "accel", "mag"}
+    assert told["signals"]["gyro"]["rate_hz"] == 100.0
+    assert told["signals"]["accel"]["max"][2] == pytest.approx(9.80665)
+    assert (told["world"], [*told["references"]]) == ("enu", ["ref"])
+    ran = ["run", log, "--observer", yaml, "--quiet", "--output", tmp_path]
+    assert CliRunner().invoke(cli, [*map(str, ran)], catch_exceptions=False).exit_code == 0
+
+
 @pytest.mark.parametrize("command", ["info", "run"])
 def test_a_folder_of_mapped_csvs_is_found(tmp_path, command):
     yaml, logs = mapped(tmp_path)
@@ -226,6 +246,71 @@ def test_a_folder_without_the_columns_that_are_told_is_one_line(tmp_path):
     )
 
 
+def test_a_bad_log_among_others_is_a_line_and_the_rest_go_on(tmp_path, sample_logs):
+    good, bad, none = sample_logs / "quadcopter.csv", tmp_path / "bad.log", tmp_path / "none"
+    bad.write_bytes(b"nothing")
+    runner = CliRunner()
+    done = runner.invoke(cli, ["info", *map(str, (good, bad, none, good)), "--json"])
+    assert [json.loads(line)["format"] for line in done.stdout.splitlines()] == ["csv", "csv"]
+    assert done.stderr.splitlines() == [
+        f"attest: {bad}: not a log that attest knows (ros, ulog, dataflash, tlog, sensor_logger, "
+        "csv). Check that it is the file you meant.",
+        f"attest: {none}: no such file. Check the path.",
+    ]
+    assert isinstance(done.exception, ReadError)
+    assert str(done.exception) == "2 of 4 logs could not be used; see above."
+    text = runner.invoke(cli, ["info", str(bad), str(good)])
+    assert text.stdout.partition("  ")[0].endswith("sample_logs/quadcopter.csv")
+
+
+def refused(*arguments):
+    with pytest.raises(ConfigError) as caught:
+        cli.main([*map(str, arguments)], standalone_mode=False)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("command", ["info", "run"])
+@pytest.mark.parametrize(
+    ("name", "option", "value", "what"),
+    [
+        ("quadcopter.csv", "vehicle", "1", "csv has no choice of vehicle"),
+        ("quadcopter.BIN", "vehicle", "1", "dataflash has no choice of vehicle"),
+        ("quadcopter.ulg", "vehicle", "", "ulog has no choice of vehicle"),
+        ("quadcopter.bag", "vehicle", "1", "ros has no choice of vehicle"),
+        ("quadcopter.csv", "imu", "RAW_IMU", "csv has no choice of imu"),
+        ("quadcopter.tlog", "world", "enu", "tlog is in ned"),
+        ("quadcopter.ulg", "world", "enu", "ulog is in ned"),
+    ],
+)
+def test_an_option_that_means_nothing_is_refused(sample_logs, command, name, option, value, what):
+    log = sample_logs / name
+    key = f"input.{option}"
+    told = refused(command, log, "--set", f"{key}={json.dumps(value)}")
+    assert told == f"{log}: --{option} ({key}) means nothing here: {what}. Leave it out."
+
+
+def test_topics_of_no_ros_log_are_refused(sample_logs):
+    log = sample_logs / "quadcopter.tlog"
+    told = refused("run", log, "--set", "input.topics.mag=/mag")
+    assert (
+        told
+        == f"{log}: input.topics means nothing here: tlog has no choice of topics. Leave it out."
+    )
+
+
+def test_options_of_the_log_are_none_of_its_references_file(sample_logs, tmp_path):
+    log, other = sample_logs / "quadcopter.tlog", sample_logs / "quadcopter.ulg"
+    arguments = ["run", log, "--vehicle", "1", "--reference", other, "--output", tmp_path, "-q"]
+    assert CliRunner().invoke(cli, [*map(str, arguments)], catch_exceptions=False).exit_code == 0
+
+
+def test_an_empty_name_of_a_reference_is_refused(sample_logs):
+    assert refused("run", sample_logs / "quadcopter.csv", "--reference", "") == (
+        "fts: 'evaluation.reference' is \"\": an empty name. "
+        "Name a reference, a file, smoother or none."
+    )
+
+
 def test_plot_is_a_png_of_the_signals(sample_logs, tmp_path):
     picture = tmp_path / "signals.png"
     assert info(sample_logs / "quadcopter.tlog", "--plot", picture).exit_code == 0
@@ -243,11 +328,124 @@ def test_a_long_signal_is_drawn_with_all_its_peaks(tmp_path):
     report.plot(recording({"gyro$": Signal(t, y)}), tmp_path / "peak.png")
 
 
+@pytest.mark.parametrize("scale", [1.0, 1e-4])
+def test_a_field_without_strength_is_a_direction(tmp_path, scale):
+    made = ros_logs.compass(
+        ros_logs.flight(ros_logs.Log(), count=500),
+        count=250,
+        field=(0.6 * scale, 0.0, -0.8 * scale),
+    )
+    path = made.write(tmp_path)
+    (line,) = (line for line in info(path).stdout.splitlines() if line.startswith("  field"))
+    only = "  field       direction only"
+    assert line == f"{only}: its strength is not the Earth's (22-67 µT on Earth)"
+    assert json.loads(info(path, "--json").stdout)["earth"]["field_ut"] is None
+    done = CliRunner().invoke(cli, ["run", str(path), "--output", str(tmp_path / "out")])
+    (line,) = (line for line in done.stdout.splitlines() if line.startswith("  field"))
+    assert line.startswith(only)
+    assert "µT" not in line.partition(";")[0]
+    (summary,) = (tmp_path / "out").rglob("fts.json")
+    assert json.loads(summary.read_text())["consistency"]["field_ut_median"] is None
+
+
+def test_a_gap_is_not_drawn_across():
+    t = np.array([0.0, 0.1, 0.2, 5.0, 5.1])
+    at_, x = _thinned(t, np.arange(5.0))
+    assert np.isnan(x).tolist() == [False] * 3 + [True] + [False] * 2
+    assert at_[np.isfinite(at_)].tolist() == t.tolist()
+    t = stamps(1000.0, 60.0)
+    t[20_000:] += 10 * 10**9
+    _, x = _thinned(at(t), np.zeros(len(t)))
+    (where,) = np.flatnonzero(np.isnan(x))
+    assert where == pytest.approx(len(x) / 3, abs=3)
+
+
+@pytest.mark.parametrize(
+    ("name", "what"),
+    [
+        ("a.txt", "the picture is a PNG. Give it a name that ends in .png."),
+        ("a", "the picture is a PNG. Give it a name that ends in .png."),
+        ("none/a.png", "no folder {folder}/none. Make it, or choose another."),
+        ("there.png", "a folder. Name a file in it."),
+    ],
+)
+def test_a_picture_that_cannot_be_is_one_line(tmp_path, sample_logs, name, what):
+    (tmp_path / "there.png").mkdir()
+    picture = tmp_path / name
+    told = refused("info", sample_logs / "quadcopter.csv", "--plot", picture)
+    assert told == f"--plot {picture}: {what.format(folder=tmp_path)}"
+    assert [path.name for path in tmp_path.iterdir()] == ["there.png"]
+
+
+@pytest.mark.parametrize("name", ["-x.csv", "a flight.csv", "it's.csv", '"q".csv', "$HOME;ls.csv"])
+def test_the_command_is_one_that_a_shell_runs(tmp_path, monkeypatch, sample_logs, name):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / name).write_bytes((sample_logs / "quadcopter.csv").read_bytes())
+    told = json.loads(info("--json", "--", name).stdout)["command"]
+    # as a shell splits it
+    program, *words = shlex.split(told)
+    assert program == "attest"
+    ran = CliRunner().invoke(cli, [*words, "--quiet", "-o", "integration"], catch_exceptions=False)
+    assert ran.exit_code == 0
+    assert (tmp_path / "attest_out" / Path(name).stem).is_dir()
+
+
+def test_turns_are_told_in_words(sample_logs):
+    text = info(sample_logs / "quadcopter.tlog").stdout
+    (line,) = (line for line in text.splitlines() if line.startswith("  turns"))
+    assert re.fullmatch(
+        r"  turns       as the gyroscope says: magnetometer \(9\d%\), reference \(100%\); "
+        r"not as the gyroscope says: accelerometer \(\d%\), usual at rest or when accelerating",
+        line,
+    )
+
+
+def test_long_names_keep_the_columns():
+    log = flight()
+    gyro, source = log.signals["gyro"], "w_RS_S_x [rad s^-1], w_RS_S_y [rad s^-1], w_RS_S_z"
+    signals = {"gyro": replace(gyro, source=source), "mag": log.signals["mag"], "s" * 50: gyro}
+    described = report.describe(replace(log, signals=signals))
+    lines = report.text_of_info(described).splitlines()
+    first = next(i for i, line in enumerate(lines) if line.startswith("  signal"))
+    rows = lines[first : first + 4]
+    assert {row.index("Hz") for row in rows[1:]} == {rows[0].index("rate") + 2}
+    assert f" {source[:39]}… " in rows[1]
+    assert rows[3].startswith(f"  {'s' * 39}… ")
+
+
+def test_of_many_references_the_first_are_shown():
+    log = flight()
+    q = np.tile([1.0, 0, 0, 0], (3, 1))
+    many = {f"/tf {i}": Reference(f"/tf {i}", "truth", stamps(1.0, 3.0), q) for i in range(50)}
+    described = report.describe(replace(log, references=many))
+    text = report.text_of_info(described)
+    assert len(described["references"]) == 50
+    assert "/tf 11 " in text
+    assert "/tf 12 " not in text
+    assert "\n  and 38 more, which --json has" in text
+
+
 def test_doubts_are_shown_as_warnings(tmp_path):
     made = simulation.simulate("handheld")
     signals = {**made.signals, "mag": Signal(made.signals["mag"].t, made.signals["mag"].y * 1e3)}
     simulation.write(tmp_path / "flight.csv", replace(made, signals=signals))
     assert "! the magnetometer reads" in info(tmp_path / "flight.csv").stdout
+
+
+@pytest.mark.parametrize(
+    ("name", "factor"), [("gyro", 180.0 / np.pi), ("accel", 1.0 / 9.80665), ("mag", 1e-2)]
+)
+def test_the_option_of_a_doubt_mends_it_as_it_stands(tmp_path, name, factor):
+    path = tmp_path / "flight.csv"
+    made = simulation.simulate("handheld")
+    signals = {**made.signals, name: Signal(made.signals[name].t, made.signals[name].y * factor)}
+    simulation.write(path, replace(made, signals=signals))
+    (warning,) = (line for line in info(path).stdout.splitlines() if "input.csv" in line)
+    option = shlex.split(warning.rpartition(": ")[2])
+    told = json.loads(info(path, *option, "--json").stdout)
+    assert told["warnings"] == []
+    ran = ["run", path, *option, "--quiet", "--output", tmp_path]
+    assert CliRunner().invoke(cli, [*map(str, ran)], catch_exceptions=False).exit_code == 0
 
 
 @pytest.mark.shared

@@ -1,7 +1,7 @@
 """``attest info``."""
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import click
@@ -14,7 +14,7 @@ from attest.cli.options import (
     vehicle_option,
     world_option,
 )
-from attest.errors import ConfigError
+from attest.errors import AttestError, ConfigError, ReadError
 
 EPILOG = """\b
 Examples:
@@ -51,18 +51,38 @@ def info(
 
     configuration = pipeline.configure(observer, [*_chosen(vehicle, world, imu), *assignments])
     found = find_logs(logs, configuration.input.csv)
-    if plot is not None and len(found) > 1:
-        raise ConfigError(f"--plot {plot}: one picture for {len(found)} logs. Name one log.")
+    if plot is not None:
+        _check_plot(plot, found)
     options = {"--observer": observer, "--vehicle": vehicle, "--world": world}
     needed = [*_options(options), *_assigned([*_chosen(None, None, imu), *assignments])]
-    for i, log in enumerate(found):
-        recording, described = pipeline.inspect(log, configuration, needed)
+    shown = 0
+    for log in found:
+        try:
+            recording, described = pipeline.inspect(log, configuration, needed)
+        except AttestError as error:
+            if len(found) == 1:
+                raise
+            click.echo(f"attest: {error}", err=True)
+            continue
         if plot is not None:
             report.plot(recording, plot)
-        if as_json:
-            click.echo(to_json(described))
-        else:
-            click.echo(("\n" if i else "") + report.text_of_info(described))
+        text = to_json(described) if as_json else report.text_of_info(described)
+        click.echo(text if as_json or not shown else f"\n{text}")
+        shown += 1
+    if shown < len(found):
+        raise ReadError(f"{len(found) - shown} of {len(found)} logs could not be used; see above.")
+
+
+def _check_plot(plot: Path, logs: Sequence[Path]) -> None:
+    """Refuse what cannot be a picture's name, before the logs are read."""
+    if len(logs) > 1:
+        raise ConfigError(f"--plot {plot}: one picture for {len(logs)} logs. Name one log.")
+    if plot.suffix.lower() != ".png":
+        raise ConfigError(f"--plot {plot}: the picture is a PNG. Give it a name that ends in .png.")
+    if plot.is_dir():
+        raise ConfigError(f"--plot {plot}: a folder. Name a file in it.")
+    if not plot.parent.is_dir():
+        raise ConfigError(f"--plot {plot}: no folder {plot.parent}. Make it, or choose another.")
 
 
 def _chosen(vehicle: str | None, world: str | None, imu: str | None) -> Iterator[str]:

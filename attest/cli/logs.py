@@ -33,7 +33,11 @@ def logs(named: Sequence[str], csv: "Csv | None" = None) -> list[Path]:
             continue
         inside = readers.logs_in(path, csv)
         if not inside:
-            what = "no log" if csv is None else "no log, and no CSV with the columns of input.csv,"
+            what = (
+                "no log"
+                if csv is None or not csv.maps
+                else "no log, and no CSV with the columns of input.csv,"
+            )
             raise ReadError(f"{path}: {what} in this folder. Name a log, or a folder with logs.")
         found += inside
     return found

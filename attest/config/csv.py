@@ -1,8 +1,8 @@
 """Keys that tell which columns of a CSV hold what, in which unit."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from attest.config.section import Section
 
@@ -12,38 +12,58 @@ Three = tuple[Column, Column, Column]
 Four = tuple[Column, Column, Column, Column]
 
 
-class Time(Section):
+class Measured(Section):
+    """Cells in a unit; a unit alone is for the columns that the header names."""
+
+    @model_validator(mode="after")
+    def _refuse_nothing(self) -> Self:
+        if self.bare and "unit" not in self.model_fields_set:
+            raise ValueError("columns are needed, or the unit of those that the header names")
+        return self
+
+    @property
+    def bare(self) -> bool:
+        """Whether no column is named."""
+        return getattr(self, "columns", None) is None
+
+
+class Time(Measured):
     """The column of time."""
 
-    column: Column
-    """Its name or number."""
+    column: Column | None = None
+    """Its name or number; null: the one that the header names."""
     unit: Literal["s", "ms", "us", "ns"] = "s"
     """Unit of the stamps, whether they count from the log's start or from 1970."""
 
+    @property
+    def bare(self) -> bool:
+        """Whether no column is named."""
+        return self.column is None
 
-class Gyro(Section):
+
+class Gyro(Measured):
     """Angular velocity."""
 
-    columns: Three
-    """Along x, y, z of the body."""
+    columns: Three | None = None
+    """Along x, y, z of the body; null: those that the header names."""
     unit: Literal["rad/s", "deg/s"] = "rad/s"
     """Unit of the cells."""
 
 
-class Accel(Section):
+class Accel(Measured):
     """Specific force."""
 
-    columns: Three
-    """Along x, y, z of the body."""
+    columns: Three | None = None
+    """Along x, y, z of the body; null: those that the header names."""
     unit: Literal["m/s2", "m/s^2", "g", "mg"] = "m/s2"
     """Unit of the cells; g is 9.80665 m/s²."""
 
 
-class Mag(Section):
+class Mag(Measured):
     """Magnetic field."""
 
-    columns: Three
-    """Along x, y, z of the body."""
+    columns: Three | None = None
+    """Along x, y, z of the body; null: those that the header names."""
     unit: Literal["T", "mT", "uT", "nT", "gauss", "mgauss"] = "uT"
     """Unit of the cells."""
 
@@ -67,7 +87,7 @@ class Attitude(Section):
 class Csv(Section):
     """Columns and units of a CSV, and how its cells stand; what is null is found out."""
 
-    time: Time
+    time: Time | None = None
     """The column of time."""
     gyro: Gyro | None = None
     """Angular velocity."""
@@ -95,3 +115,24 @@ class Csv(Section):
     """Lines to leave out before the header, or before the rows if there is none."""
     header: bool = True
     """Whether a line names the columns; without one they are told by number."""
+
+    @property
+    def maps(self) -> bool:
+        """Whether columns are named, and not units alone for those that the header names."""
+        return self.time is not None and not self.time.bare
+
+    def units(self) -> dict[str, str]:
+        """Return the units that are told without columns, by key."""
+        sections = {key: getattr(self, key) for key in ("time", "gyro", "accel", "mag")}
+        return {key: told.unit for key, told in sections.items() if told is not None and told.bare}
+
+    @model_validator(mode="after")
+    def _refuse_half(self) -> Self:
+        units = self.units()
+        if self.maps and units:
+            raise ValueError(f"time.column is named, so {next(iter(units))}.columns are needed too")
+        defaults = {key: field.default for key, field in type(self).model_fields.items()}
+        told = [key for key, default in defaults.items() if getattr(self, key) != default]
+        if not self.maps and (named := [key for key in told if key not in units]):
+            raise ValueError(f"{named[0]} is told, so time.column is needed too")
+        return self

@@ -219,6 +219,13 @@ class Evaluation(Section):
     apply_misalignment: bool = False
     """Take the constant rotation between the two bodies out before scoring."""
 
+    @field_validator("reference")
+    @classmethod
+    def _refuse_no_name(cls, reference: str | None) -> str | None:
+        if reference == "":
+            raise ValueError("an empty name. Name a reference, a file, smoother or none")
+        return reference
+
 
 class Configuration(Section):
     """What every observer's configuration has."""

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from attest.inspection import axes, figures, frames, limits, motion, place, units
+from attest.inspection import axes, figures, frames, limits, motion, place, stamps, units
 from attest.inspection.turning import Fit
 from attest.recording import Note, Recording
 
@@ -19,6 +19,8 @@ def doubts(recording: Recording) -> tuple[Note, ...]:
     recording = _told(recording)
     with np.errstate(all="ignore"):  # a hostile log's values overflow when squared
         earth = place.find(recording)
+        if (time := stamps.doubt(recording)) is not None:  # then no motion is what it seems
+            return time, *units.doubts(recording, earth)
         found = axes.fits(recording)
         unit = axes.unit(recording, found)
         found = axes.felt_too(recording, found)
@@ -62,7 +64,8 @@ def _physics(recording: Recording, turns: Mapping[str, Fit]) -> dict[str, Any]:
 
 def command(recording: Recording, options: Iterable[str] = ()) -> str | None:
     """Return the command that runs a log, with the options that it needs; None if none does."""
-    words = ["attest", "run", str(recording.path), *options]
+    log = str(recording.path)
+    words = ["attest", "run", f"./{log}" if log.startswith("-") else log, *options]
     if "gyro" not in recording.signals:
         if not any(name.removeprefix("point").isdecimal() for name in recording.signals):
             return None

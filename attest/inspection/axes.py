@@ -102,7 +102,7 @@ def _of_scale(recording: Recording, fit: Fit) -> Note:
     unit = next(near, None)
     seems = "its unit or scale is wrong" if unit is None else f"its unit seems to be {unit}"
     text = f"the vectors turn {fit.scale:.3g} times as fast as the gyroscope reads: {seems}"
-    return Note(text + units.mend(recording, "gyro"), doubt=True)
+    return Note(text + units.mend(recording, "gyro", fit.scale), doubt=True)
 
 
 def _same(fits: Mapping[str, Fit]) -> bool:

@@ -50,6 +50,8 @@ def of_earth(recording: Recording, earth: Earth | None) -> dict[str, Any]:
         if name in recording.signals and len(recording.signals[name].t):
             lengths = units.length_of(recording.signals[name].y)
             figures[key] = round(float(np.median(lengths)) * scale, 4)
+    if "field_ut" in figures and recording.tells("field strength"):
+        figures["field_ut"] = None  # of a direction alone
     if earth is None:
         return figures
     return figures | {

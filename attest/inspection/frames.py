@@ -76,7 +76,7 @@ def _way(recording: Recording) -> float:
 
 def _upside_down(recording: Recording, up: Signal) -> Iterator[Note]:
     """Tell of a body whose up is below, unless the reader did."""
-    if any(note.about == "up" for note in recording.notes):
+    if recording.tells("up"):
         return
     sign = _way(recording)
     if np.mean(sign * up.y[:, 2] < -0.5) < UPSIDE_DOWN:

@@ -23,6 +23,7 @@ CALM, STEADY = 0.05, 0.4
 """Spreads of a magnitude, quartile to quartile, over its median: gravity with some motion."""
 UNIT_TOLERANCE = 0.25
 ACCEL_UNITS = {
+    1.0: "m/s²",
     1.0 / GRAVITY: "g",
     1000.0 / GRAVITY: "mg or cm/s²",
     1000.0: "mm/s²",
@@ -31,10 +32,16 @@ ACCEL_UNITS = {
     1e-3: "km/s²",
 }
 """By what the accelerometer then reads for gravity, in gravities."""
-MAG_UNITS = {1e4: "gauss", 1e6: "µT", 1e7: "mG", 1e9: "nT", 1e3: "mT"}
+MAG_UNITS = {1.0: "T", 1e4: "gauss", 1e6: "µT", 1e7: "mG", 1e9: "nT", 1e3: "mT"}
 """By how many of them make a tesla."""
-READ_AS = {"csv": 1e6, "tlog": 1e7, "dataflash": 1e7, "ulog": 1e4}
+READ_AS = {"tlog": 1e7, "dataflash": 1e7, "ulog": 1e4}
 """Units of the field that a format is read in, by how many of them make a tesla; others: tesla."""
+OPTIONS = {
+    "gyro": {"rad/s": 1.0, "deg/s": np.pi / 180.0},
+    "accel": {"m/s2": 1.0, "m/s^2": 1.0, "g": GRAVITY, "mg": 1e-3 * GRAVITY},
+    "mag": {"uT": 1e-6, "gauss": 1e-4, "mgauss": 1e-7, "nT": 1e-9, "mT": 1e-3, "T": 1.0},
+}
+"""Units that a CSV can be read in, in SI; the first of each signal is what is taken untold."""
 FIELD_MARGIN = 1.1
 """The field may be outside the Earth's range by this factor before it is doubted."""
 MODEL_MARGIN = 0.25
@@ -71,13 +78,38 @@ def too_fast(recording: Recording) -> Note | None:
     rate = float(np.percentile(length_of(gyro.y), 90))
     if rate < FASTEST:
         return None
-    text = f"the gyroscope reads {rate:.3g} rad/s: its unit cannot be rad/s, but deg/s or mrad/s"
-    return Note(text + mend(recording, "gyro"), doubt=True)
+    text = f"the gyroscope reads {rate:.3g} rad/s: its unit "
+    if read_in(recording, "gyro") != 1.0:
+        return Note(f"{text}or scale is wrong", doubt=True)
+    degree = OPTIONS["gyro"]["deg/s"]
+    return Note(
+        f"{text}cannot be rad/s, but deg/s or mrad/s{mend(recording, 'gyro', degree)}", doubt=True
+    )
 
 
-def mend(recording: Recording, signal: str) -> str:
-    """Tell which setting mends a unit, where there is one."""
-    return f": set input.csv.{signal}.unit" if recording.format == "csv" else ""
+def read_in(recording: Recording, signal: str) -> float:
+    """Return the unit, in SI, that the cells of a CSV were read in; 1 of other formats."""
+    if recording.format not in {"csv", "sensor_logger"}:
+        return 1.0
+    options = OPTIONS[signal]
+    return options.get(told(recording).get(signal, ""), next(iter(options.values())))
+
+
+def told(recording: Recording) -> Mapping[str, str]:
+    """Return the units that the reader of a CSV took, by signal."""
+    units = recording.details.get("units")
+    return units if isinstance(units, Mapping) else {}
+
+
+def mend(recording: Recording, signal: str, factor: float) -> str:
+    """Tell the option that multiplies a signal by such a factor, where there is one."""
+    if recording.format not in {"csv", "sensor_logger"}:
+        return ""
+    wanted = factor * read_in(recording, signal)
+    for unit, scale in OPTIONS[signal].items():
+        if abs(wanted / scale - 1.0) < UNIT_TOLERANCE:
+            return f": --set input.csv.{signal}.unit={unit}"
+    return ""
 
 
 def _gravity(recording: Recording, lengths: Mapping[str, Array]) -> Iterator[Note]:
@@ -89,9 +121,11 @@ def _gravity(recording: Recording, lengths: Mapping[str, Array]) -> Iterator[Not
     if median == 0.0 or (near and (abs(ratio - 1.0) < GRAVITY_MARGIN or spread > CALM)):
         return
     text = f"the accelerometer reads {median:.3g} m/s² for gravity's {GRAVITY:.2f}"
-    unit = _near(ratio, ACCEL_UNITS)
+    now = read_in(recording, "accel")
+    others = {f: unit for f, unit in ACCEL_UNITS.items() if not np.isclose(f, 1.0 / now)}
+    unit = _near(ratio / now, others)
     if unit is not None and spread < STEADY:
-        text += f": its unit seems to be {unit}" + mend(recording, "accel")
+        text += f": its unit seems to be {unit}" + mend(recording, "accel", 1.0 / ratio)
     elif near:
         text += ": its scale or bias is wrong"
     elif ratio < HARDLY:
@@ -112,7 +146,7 @@ def _field(
     recording: Recording, lengths: Mapping[str, Array], earth: Earth | None
 ) -> Iterator[Note]:
     # a reader that found a field without strength has said so
-    if "mag" not in lengths or any(note.about == "field strength" for note in recording.notes):
+    if "mag" not in lengths or recording.tells("field strength"):
         return
     strength = float(np.median(lengths["mag"]))
     low, high = FIELD[0] / FIELD_MARGIN, FIELD[1] * FIELD_MARGIN
@@ -124,22 +158,15 @@ def _field(
     if low <= strength <= high or not strength > 0.0:
         return
     text = f"the magnetometer reads {_tesla(strength)} for the Earth's {expected}"
-    unit = _unit(recording.format, strength, low, high)
-    if unit is None:
+    numbers = strength * READ_AS.get(recording.format, 1.0) / read_in(recording, "mag")
+    per_tesla = next((k for k in MAG_UNITS if low <= numbers / k <= high), None)
+    if per_tesla is None:
         far = not low / FAR < strength < high * FAR
         text += ": a wrong unit" if far else ": not calibrated, or disturbed"
     else:
-        text += f": its unit seems to be {unit}" + mend(recording, "mag")
+        option = mend(recording, "mag", numbers / per_tesla / strength)
+        text += f": its unit seems to be {MAG_UNITS[per_tesla]}{option}"
     yield Note(text, doubt=True)
-
-
-def _unit(form: str, strength: float, low: float, high: float) -> str | None:
-    """Return the unit in which the same numbers are a field of the Earth."""
-    numbers = strength * READ_AS.get(form, 1.0)
-    for per_tesla, unit in {1.0: "T", **MAG_UNITS}.items():
-        if low <= numbers / per_tesla <= high:
-            return unit
-    return None
 
 
 def _tesla(strength: float) -> str:

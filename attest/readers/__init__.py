@@ -10,7 +10,7 @@ from typing import Protocol, cast
 
 from attest.config import Csv
 from attest.errors import ReadError
-from attest.readers.options import ReadOptions
+from attest.readers.options import ReadOptions, refuse_idle
 from attest.recording import Recording
 
 __all__ = ["NAMES", "ReadOptions", "is_log", "logs_in", "read", "recognise"]
@@ -37,20 +37,17 @@ def recognise(path: Path, *, mapped: bool = False) -> str:
     ReadError
         There is no such file, or no reader knows it.
     """
-    from attest.readers import csv_layouts
+    from attest.readers import unknown
 
     head = _head(path)
+    if (packed := unknown.compressed(path, head)) is not None:
+        raise packed
     for name in NAMES:
         if _reader(name).recognises(head, path):
             return name
     if mapped and path.is_file():
         return "csv"
-    if csv_layouts.of_trajectory(path) is not None:
-        raise csv_layouts.no_log(path)
-    formats = ", ".join(NAMES)
-    raise ReadError(
-        f"{path}: not a log that attest knows ({formats}). Check that it is the file you meant."
-    )
+    raise unknown.refusal(path, head, ", ".join(NAMES))
 
 
 def is_log(path: Path, csv: Csv | None = None) -> bool:
@@ -94,7 +91,8 @@ def read(path: Path, options: ReadOptions | None = None) -> Recording:
         The options ask for what the log does not hold.
     """
     options = options or ReadOptions()
-    name = recognise(path, mapped=options.csv is not None)
+    name = recognise(path, mapped=options.csv is not None and options.csv.maps)
+    refuse_idle(path, name, options)
     try:
         return _reader(name).read(path, options)
     except OSError as error:

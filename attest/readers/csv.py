@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from attest.errors import ReadError
-from attest.readers import csv_head, csv_layouts, csv_plan, csv_signals
+from attest.readers import csv_head, csv_layouts, csv_plan, csv_signals, csv_times, unknown
 from attest.readers.csv_layouts import Known
 from attest.readers.csv_plan import Plan
 from attest.readers.csv_signals import Taken
@@ -40,18 +40,20 @@ def read(path: Path, options: ReadOptions) -> Recording:
     ConfigError
         The columns that the configuration tells are not there.
     """
-    known = None if options.csv is not None else _known(path)
+    known = None if _maps(options) else _known(path)
     plan = _plan(path, options, known)
     if "gyro" not in plan.signals and not csv_plan.further(plan.signals):
         raise ReadError(
-            f"{path}: no gyro_x, gyro_y, gyro_z column. An observer needs the gyroscope, in rad/s."
-            if options.csv is None
+            f"{path}: no gyro_x, gyro_y, gyro_z, which an observer needs, in rad/s. The file has: "
+            f"{unknown.listed(list(plan.layout.names))}. Rename them, or tell them {unknown.MAP}."
+            if not _maps(options)
             else f"{path}: no gyroscope, which an observer needs. Name it in input.csv.gyro."
         )
     taken = csv_signals.take(path, plan)
     if "gyro" not in taken.signals and not csv_plan.further(taken.signals):
         held = plan.signals["gyro"].source if "gyro" in plan.signals else "gyro_x, gyro_y, gyro_z"
-        raise ReadError(f"{path}: no row has a time and {held}. Fill the cells.")
+        why = csv_times.fault(path, plan) or f"no row has a time and {held}. Fill the cells."
+        raise ReadError(f"{path}: {why}")
     return recording(path, plan, _with_truth(path, known, taken), options, known)
 
 
@@ -80,6 +82,8 @@ def recording(
     else:
         world = options.world or known.world
         notes += csv_layouts.notes(known, world)
+    if options.csv is not None and (told := options.csv.units()):
+        notes.append(Note(f"units as input.csv says: {csv_plan.listed(told)}"))
     stamps = [signal.t for signal in taken.signals.values()]
     stamps += [reference.t for reference in taken.references.values()]
     start = min((int(t[0]) for t in stamps), default=0)
@@ -93,8 +97,14 @@ def recording(
         body="frd" if world == "ned" else "flu",
         notes=tuple(notes),
         details={"rows": taken.rows, "columns": list(plan.layout.names[:1000])}
+        | {"units": csv_plan.units(plan)}
         | ({"layout": known.name} if known else {}),
     )
+
+
+def _maps(options: ReadOptions) -> bool:
+    """Whether the columns are told, and not by the header."""
+    return options.csv is not None and options.csv.maps
 
 
 def _known(path: Path) -> Known | None:
@@ -107,9 +117,10 @@ def _known(path: Path) -> Known | None:
 
 def _plan(path: Path, options: ReadOptions, known: Known | None) -> Plan:
     try:
-        if options.csv is not None:
+        if options.csv is not None and options.csv.maps:
             return csv_plan.mapped(path, options.csv)
-        return csv_layouts.plan(path, known) if known else csv_plan.canonical(path)
+        plan = csv_layouts.plan(path, known) if known else csv_plan.canonical(path)
+        return plan if options.csv is None else csv_plan.in_units(path, plan, options.csv)
     except OSError as error:
         raise ReadError(f"{path}: {error.strerror or error}. Check the file.") from error
 

@@ -19,8 +19,9 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Times = NDArray[np.int64]
 
-_LATEST = 2**62  # ns: sums and differences of stamps stay within int64
+LATEST = 2**62  # ns: sums and differences of stamps stay within int64
 _EXACT = 10**15  # ns: up to here float64 of any unit holds nanoseconds
+_BACKWARDS = 0.9  # share of steps
 _NUMBER = r"^[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,3})?$"
 
 
@@ -44,6 +45,9 @@ class Rows:
         self._decimal = layout.decimal
         self._bad = 0
         self.t, self.timed = self._times(stamps)
+        self.backwards = _backwards(self.t if self.timed.all() else self.t[self.timed])
+        if self.backwards:
+            self.t, self.timed = self.t[::-1].copy(), self.timed[::-1].copy()
         untimed = int(np.sum(~self.timed))
         self._lines = [
             ("rows with another number of cells than the header, skipped", odd),
@@ -66,13 +70,18 @@ class Rows:
             self._left[str(place)] -= 1
             if not self._left[str(place)]:
                 del self._columns[str(place)]
-        return y, filled
+        return (y[::-1].copy(), filled[::-1].copy()) if self.backwards else (y, filled)
 
     def notes(self) -> list[Note]:
         """Tell what was wrong, after all has been taken."""
         several = max(1, len(self.t) // 100)  # beyond this the file is in doubt
         told = [*self._lines, ("cells that are no number, taken as empty", self._bad)]
-        return [Note(text, count, doubt=count > several) for text, count in told if count]
+        notes = [Note(text, count, doubt=count > several) for text, count in told if count]
+        if self.backwards:
+            notes.append(
+                Note("time runs backwards: rows taken from the last to the first", doubt=True)
+            )
+        return notes
 
     def _times(self, stamps: Stamps) -> tuple[Times, Mask]:
         import pyarrow as pa
@@ -233,15 +242,20 @@ def _nanoseconds(column: Any, digits: int) -> tuple[Times, Mask]:
         # the integer behind a decimal of so many places, of which 64 bits are enough
         words = np.frombuffer(column.buffers()[1], np.int64, 2 * len(column), 16 * column.offset)
         low, high = words[::2], words[1::2]
-        ok = valid & (high == low >> 63) & (low < _LATEST) & (low > -_LATEST)
+        ok = valid & (high == low >> 63) & (low < LATEST) & (low > -LATEST)
         return np.where(ok, low, 0), ok
     times = column.to_numpy(zero_copy_only=False)
     ok = valid & np.isfinite(times)
     return np.rint(np.where(ok, times, 0.0) * 10.0**digits).astype(np.int64), ok
 
 
+def _backwards(t: Times) -> bool:
+    """Whether nearly all stamps are before the last one."""
+    return len(t) > 2 and bool(t[0] > t[-1] and np.mean(t[1:] <= t[:-1]) > _BACKWARDS)
+
+
 def _exact(cell: str | None, digits: int) -> int | None:
     """Nanoseconds of a decimal, rounded; None where there are none."""
-    if cell is None or abs(time := Decimal(cell)) >= Decimal(_LATEST).scaleb(-digits):
+    if cell is None or abs(time := Decimal(cell)) >= Decimal(LATEST).scaleb(-digits):
         return None
     return int(time.scaleb(digits).to_integral_value())

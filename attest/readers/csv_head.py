@@ -14,7 +14,8 @@ BLOCK = 1 << 20
 """Longest header and row, bytes."""
 
 _LINE = re.compile(rb"[^\r\n]*(?:\r\n?|\n|\Z)")
-_UTF8, _UTF16 = b"\xef\xbb\xbf", (b"\xff\xfe", b"\xfe\xff")
+_UTF8 = b"\xef\xbb\xbf"
+UTF16 = (b"\xff\xfe", b"\xfe\xff")
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,9 +89,14 @@ def read(path: Path) -> bytes:
     """
     with path.open("rb") as file:
         head = file.read(2 * BLOCK)
-    if head.startswith(_UTF16):
-        raise ReadError(f"{path}: a CSV in UTF-16. Save it as UTF-8.")
+    if head.startswith(UTF16):
+        raise in_utf16(path)
     return head
+
+
+def in_utf16(path: Path) -> ReadError:
+    """Return what to say of a file whose characters have two bytes."""
+    return ReadError(f"{path}: a CSV in UTF-16. Save it as UTF-8.")
 
 
 def decimal(separator: str, row: bytes) -> str:

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from math import pi
 from pathlib import Path
@@ -29,7 +29,10 @@ _FACTORS = {
     "T": 1.0, "mT": 1e-3, "uT": 1e-6, "nT": 1e-9, "gauss": 1e-4, "mgauss": 1e-7,
 }  # fmt: skip
 """To SI."""
-_DIGITS = {"s": 9, "ms": 6, "us": 3, "ns": 0}
+_UNITS = {"gyro": "rad/s", "accel": "m/s2", "mag": "uT"}
+"""Of the columns that go by their canonical names."""
+DIGITS = {"s": 9, "ms": 6, "us": 3, "ns": 0}
+"""Decimals of each unit of time that make a nanosecond."""
 
 
 class Group(NamedTuple):
@@ -39,8 +42,13 @@ class Group(NamedTuple):
     """Counted from 0."""
     source: str
     """The columns' names."""
-    factor: float = 1.0
-    """To SI."""
+    unit: str = ""
+    """Of the cells, if not SI."""
+
+    @property
+    def factor(self) -> float:
+        """To SI."""
+        return _FACTORS.get(self.unit, 1.0)
 
 
 class Attitude(NamedTuple):
@@ -89,8 +97,7 @@ def canonical(path: Path) -> Plan:
     if "ref" in found:
         attitudes["ref"] = Attitude(found.pop("ref"), "truth", "as the file declares it by ref_q "
                                     "columns")  # fmt: skip
-    if "mag" in found:
-        found["mag"] = found["mag"]._replace(factor=_FACTORS["uT"])
+    found |= {key: found[key]._replace(unit=unit) for key, unit in _UNITS.items() if key in found}
     unused = sorted(held.keys() - used - {""})
     return Plan(layout, Stamps(place[TIME], 9), found, attitudes, unused)
 
@@ -133,12 +140,11 @@ def mapped(path: Path, csv: Csv, by: str = "as input.csv says", name: str = "ref
         for key, (columns, _) in told.items()
     }
     groups = {
-        key.removeprefix("vectors."): Group(
-            places[key], ", ".join(map(str, columns)), _FACTORS.get(unit, 1.0)
-        )
+        key.removeprefix("vectors."): Group(places[key], ", ".join(map(str, columns)), unit)
         for key, (columns, unit) in told.items()
     }
-    stamps = Stamps(groups.pop("time").places[0], _DIGITS[csv.time.unit])
+    time = groups.pop("time")
+    stamps = Stamps(time.places[0], DIGITS[time.unit])
     attitude = groups.pop("reference", None)
     kind = csv.reference.kind if csv.reference else "truth"
     used = {place for several in places.values() for place in several}
@@ -149,12 +155,45 @@ def mapped(path: Path, csv: Csv, by: str = "as input.csv says", name: str = "ref
         signals=groups,
         references={name: Attitude(attitude, kind, by)} if attitude else {},
         unused=unused,
-        clock=str(csv.time.column),
+        clock=time.source,
     )
+
+
+def units(plan: Plan) -> dict[str, str]:
+    """Return the unit that each signal's cells, and the stamps, are taken in."""
+    time = next(unit for unit, digits in DIGITS.items() if digits == plan.stamps.digits)
+    return {"time": time} | {key: group.unit for key, group in plan.signals.items() if group.unit}
+
+
+def listed(units: Mapping[str, str]) -> str:
+    """Return units as text, such as ``time ms, gyro deg/s``."""
+    return ", ".join(f"{key} {unit}" for key, unit in units.items())
+
+
+def in_units(path: Path, plan: Plan, csv: Csv) -> Plan:
+    """Take the columns of a plan in the units that are told alone.
+
+    Raises
+    ------
+    ConfigError
+        The file has no such columns.
+    """
+    units = csv.units()
+    stamps = plan.stamps._replace(digits=DIGITS.get(units.pop("time", ""), plan.stamps.digits))
+    for key in units:
+        if key not in plan.signals:
+            held = ", ".join(filter(None, plan.layout.names))[:300]
+            raise ConfigError(
+                f"{path}: no columns of {key} for input.csv.{key}.unit. The file has: {held}."
+            )
+    told = {key: plan.signals[key]._replace(unit=unit) for key, unit in units.items()}
+    return replace(plan, stamps=stamps, signals={**plan.signals, **told})
 
 
 def fits(path: Path, csv: Csv) -> bool:
     """Whether a file has the columns that are told; of a time told by number, a number there."""
+    if csv.time is None or csv.time.column is None:
+        return False
     try:
         plan = mapped(path, csv)
         head = csv_head.read(path)
@@ -173,7 +212,9 @@ def fits(path: Path, csv: Csv) -> bool:
 
 def _told(csv: Csv) -> dict[str, tuple[tuple[str | int, ...], str]]:
     """Columns and unit of each signal by its key."""
-    told: dict[str, tuple[tuple[str | int, ...], str]] = {"time": ((csv.time.column,), "")}
+    told: dict[str, tuple[tuple[str | int, ...], str]] = {}
+    if csv.time is not None and csv.time.column is not None:
+        told["time"] = (csv.time.column,), csv.time.unit
     keys = ("gyro", "accel", "mag", "reference", "velocity", "position", "torque")
     for key in keys:
         if (section := getattr(csv, key)) is not None:

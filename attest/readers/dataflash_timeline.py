@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from attest.geometry import gps as gps_time
 from attest.readers import mavlink_clock as clock
 from attest.readers.dataflash_format import Ints, Table
 from attest.readers.dataflash_signals import Stream, fixed
@@ -17,11 +18,6 @@ FIELDS = {"TimeUS": 1_000, "TimeMS": 1_000_000}
 LONGEST_BOOT = 10 * 366 * 86_400 * SECOND
 OLDEST_SAMPLE = SECOND
 """What is logged was measured at most so long before."""
-GPS_EPOCH = 315_964_800
-"""6 January 1980, unix seconds."""
-WEEK = 604_800
-LEAP_SECONDS = 18
-"""By which GPS time is ahead of UTC, since 2017."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,7 +96,7 @@ def _utc(gps: Sequence[Stream], timed: Mapping[str, Times]) -> tuple[Ints, Ints]
             continue
         week = table.columns["GWk"][times.row].astype(np.int64)
         ms = table.columns["GMS"][times.row].astype(np.int64)
-        unix = (GPS_EPOCH - LEAP_SECONDS + week * WEEK) * SECOND + ms * 1_000_000
+        unix = gps_time.to_unix(week, ms)
         sane = (unix > clock.SANE_UNIX) & (unix < clock.LATEST) & fixed(table)[times.row]
         if sane.any():
             return times.at[sane], (unix - times.t)[sane]

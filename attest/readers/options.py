@@ -1,9 +1,11 @@
 """What the command line and the configuration can tell a reader."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 from attest.config import Csv
+from attest.errors import ConfigError
 from attest.recording import World
 
 
@@ -21,3 +23,46 @@ class ReadOptions:
     """World axes of a log that does not say."""
     csv: Csv | None = None
     """Columns and units of a CSV that is not the canonical one."""
+
+
+TAKEN = {
+    "vehicle": ("tlog",),
+    "imu": ("tlog", "dataflash", "ulog", "ros"),
+    "topics": ("ros",),
+}
+"""Formats that have such a choice."""
+WORLDS: Mapping[str, World] = {
+    "tlog": "ned",
+    "dataflash": "ned",
+    "ulog": "ned",
+    "sensor_logger": "enu",
+}
+"""Of formats whose world is not to be chosen."""
+
+
+def refuse_idle(path: Path, form: str, options: ReadOptions) -> None:
+    """Refuse a choice that a log of this format does not have.
+
+    Raises
+    ------
+    ConfigError
+        There is one.
+    """
+    for name in _idle(form, options):
+        option = f"input.{name}" if name == "topics" else f"--{name} (input.{name})"
+        what = f"is in {WORLDS[form]}" if name == "world" else f"has no choice of {name}"
+        raise ConfigError(f"{path}: {option} means nothing here: {form} {what}. Leave it out.")
+
+
+def without_idle(form: str, options: ReadOptions) -> ReadOptions:
+    """Leave out the choices that a log of this format does not have."""
+    nothing: dict[str, None] = dict.fromkeys(_idle(form, options))
+    return replace(options, **nothing)
+
+
+def _idle(form: str, options: ReadOptions) -> list[str]:
+    """Name the choices that were made and that a format does not have."""
+    made = (name for name in TAKEN if getattr(options, name) not in (None, {}))
+    idle = [name for name in made if form not in TAKEN[name]]
+    fixed = options.world is not None and WORLDS.get(form, options.world) != options.world
+    return [*idle, "world"] if fixed else idle

@@ -9,7 +9,7 @@ from attest import readers
 from attest.errors import ConfigError, ReadError
 from attest.geometry import quaternion
 from attest.readers import csv, csv_layouts
-from attest.readers.options import ReadOptions
+from attest.readers.options import ReadOptions, without_idle
 from attest.readers.ros_axes import BODY, WORLD
 from attest.recording import Note, Recording, Reference
 
@@ -65,9 +65,11 @@ def _read(path: Path, options: ReadOptions) -> Recording:
         raise ReadError(f"{path}: a folder, and no log. Name the reference's file in it.")
     trajectory = path.is_file() and csv_layouts.of_trajectory(path) is not None
     mapped = options.csv is not None and options.csv.reference is not None
-    if trajectory or readers.recognise(path, mapped=mapped) == "csv":
+    form = "csv" if trajectory else readers.recognise(path, mapped=mapped)
+    if form == "csv":
         return csv.references(path, options)
-    return readers.read(path, replace(options, csv=None))
+    # the choices are those of the log, whose format may have more of them
+    return readers.read(path, without_idle(form, replace(options, csv=None)))
 
 
 def _tells(note: Note, best: Reference) -> bool:

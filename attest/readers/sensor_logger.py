@@ -7,13 +7,14 @@ standard; ``Metadata.csv`` tells.
 """
 
 import csv
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from attest.config import Csv
-from attest.errors import AttestError, ReadError
+from attest.errors import AttestError, ConfigError, ReadError
 from attest.geometry import quaternion
 from attest.readers import csv_head, csv_plan, csv_signals
 from attest.readers.csv import UNIX
@@ -21,11 +22,13 @@ from attest.readers.csv_signals import Taken
 from attest.readers.options import ReadOptions
 from attest.recording import Clock, Note, Recording, Reference, Signal
 
+_Keys = dict[str, dict[str, object]]
+
 GYROSCOPE = "Gyroscope.csv"
 _HEADER = {"time", "seconds_elapsed", "x", "y", "z"}
-_TIME = {"column": "time", "unit": "ns"}
-_XYZ = {"columns": ["x", "y", "z"]}
-_FILES: dict[str, dict[str, object]] = {
+_TIME: dict[str, object] = {"column": "time", "unit": "ns"}
+_XYZ: dict[str, object] = {"columns": ["x", "y", "z"]}
+_FILES: dict[str, _Keys] = {
     GYROSCOPE: {"gyro": _XYZ},
     "TotalAcceleration.csv": {"accel": _XYZ},
     "Accelerometer.csv": {"accel": _XYZ},
@@ -67,17 +70,20 @@ def read(path: Path, options: ReadOptions) -> Recording:
         The gyroscope's file has no row that can be used.
     """
     notes = [Note("layout of Sensor Logger, columns and units as it has them")]
-    taken = {name: _take(path / name, keys, notes) for name, keys in _FILES.items()}
+    units = options.csv.units() if options.csv is not None else {}
+    if units:
+        notes.append(Note(f"units as input.csv says: {csv_plan.listed(units)}"))
+    taken = {name: _take(path / name, _in(units, keys), notes) for name, keys in _FILES.items()}
     signals = {key: replace(signal, source=name) for name, one in taken.items()
                for key, signal in one.signals.items() if name not in _ACCELERATIONS}  # fmt: skip
     signals |= _acceleration(taken, notes)
+    for key in units.keys() - signals.keys() - {"time"}:
+        raise ConfigError(f"{path}: no {key} for input.csv.{key}.unit. Leave it out.")
     if "gyro" not in signals:
         raise ReadError(f"{path / GYROSCOPE}: no row that can be used. Record the log again.")
     references = taken["Orientation.csv"].references
     if _is_apple(path):
         signals, references = _as_android(signals, references, notes)
-    if options.world == "ned":
-        notes.append(Note("world taken as z up, as the phone has it, not as asked", doubt=True))
     start = min(int(signal.t[0]) for signal in signals.values())
     return Recording(
         path=path,
@@ -88,7 +94,15 @@ def read(path: Path, options: ReadOptions) -> Recording:
         world="enu",
         body="flu",
         notes=tuple(notes),
+        details={"units": {"time": "ns", "gyro": "rad/s", "accel": "m/s2", "mag": "uT"} | units},
     )
+
+
+def _in(units: Mapping[str, str], keys: _Keys) -> _Keys:
+    """Return the columns of a file, in the units that are told for them."""
+    columns = {"time": _TIME, **keys}
+    told = {key: {**columns[key], "unit": unit} for key, unit in units.items() if key in columns}
+    return columns | told
 
 
 def _acceleration(taken: dict[str, Taken], notes: list[Note]) -> dict[str, Signal]:
@@ -141,13 +155,13 @@ def _as_android(
     return signals, turned
 
 
-def _take(path: Path, keys: dict[str, object], notes: list[Note]) -> Taken:
+def _take(path: Path, keys: _Keys, notes: list[Note]) -> Taken:
     """Read one file of the folder, if it is there and has what it should."""
     nothing = Taken({}, {}, [], 0)
     if not path.is_file():
         return nothing
     try:
-        plan = csv_plan.mapped(path, Csv.model_validate({"time": _TIME, **keys}),
+        plan = csv_plan.mapped(path, Csv.model_validate(keys),
                                "as the phone's own estimate", path.stem.lower())  # fmt: skip
         taken = csv_signals.take(path, replace(plan, unused=()))
     except AttestError as error:

@@ -8,10 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from attest.recording import Note, Recording
-from attest.report.worth import text_of_worth
+from attest.report.worth import NAME, SOURCE, fitted, text_of_worth, width
 
 GAP = 5
 """A gap is a step of more than this many times the median."""
+MOST_REFERENCES = 12
+"""Lines of the table: a tree of frames has a hundred."""
+HEAD = f"{'count':>9s}{'rate':>11s}{'gaps':>6s}{'longest':>12s}"
 
 UNITS = {
     "gyro": "rad/s",
@@ -84,13 +87,11 @@ def text_of_info(info: Mapping[str, Any]) -> str:
         f"  axes        body {info['body'].upper()}, world {info['world'].upper()}",
         f"  clock       {clock['name']}; {utc}; {counted(info['restarts'], 'restart')}",
         "",
-        f"  {'signal':12s}{'from':24s}{'count':>9s}{'rate':>11s}{'gaps':>6s}{'longest':>12s}  unit",
+        *_signals(info["signals"]),
+        *text_of_worth(info),
+        "",
+        *_references(info["references"]),
     ]
-    lines += [
-        f"  {name:11s} {s['source']:24s}{_rhythm(s)}  {s['unit']}"
-        for name, s in info["signals"].items()
-    ]
-    lines += [*text_of_worth(info), "", *_references(info["references"])]
     return "\n".join([*lines, *text_of_notes(info)])
 
 
@@ -110,18 +111,31 @@ def _senders(details: Mapping[str, Any]) -> Iterator[str]:
         yield f"              {sender['id']:9s}{what}, {sender['messages']:,} messages"
 
 
-def _references(references: Mapping[str, Any]) -> list[str]:
-    """Return a table as wide as its longest name asks."""
-    left = max(12, *(len(name) + 2 for name in references), 0)
-    right = max(12, 36 - left)
-    head = f"{'count':>9s}{'rate':>11s}{'gaps':>6s}{'longest':>12s}"
-    lines = [f"  {'reference':{left}s}{'kind':{right}s}{head}"]
+def _signals(signals: Mapping[str, Any]) -> list[str]:
+    """Return a table as wide as its longest names ask."""
+    left, right = width(signals, NAME), width((s["source"] for s in signals.values()), SOURCE)
+    lines = [f"  {'signal':{left}s}{'from':{right}s}{HEAD}  unit"]
     lines += [
-        f"  {name:{left}s}{r['kind']:{right}s}{_rhythm(r)}{'  (default)' if not i else ''}"
-        for i, (name, r) in enumerate(references.items())
+        f"  {fitted(name):{left}s}{fitted(s['source']):{right}s}{_rhythm(s)}  {s['unit']}"
+        for name, s in signals.items()
+    ]
+    return lines
+
+
+def _references(references: Mapping[str, Any]) -> list[str]:
+    """Return a table as wide as its longest name asks, of the first ones."""
+    shown = dict(list(references.items())[:MOST_REFERENCES])
+    left = width(shown, NAME)
+    right = max(NAME, NAME + SOURCE - left)
+    lines = [f"  {'reference':{left}s}{'kind':{right}s}{HEAD}"]
+    lines += [
+        f"  {fitted(name):{left}s}{r['kind']:{right}s}{_rhythm(r)}{'  (default)' if not i else ''}"
+        for i, (name, r) in enumerate(shown.items())
     ]
     if not references:
         lines.append("  none: the estimate can be made, but not scored")
+    if more := len(references) - len(shown):
+        lines.append(f"  and {more} more, which --json has")
     return lines
 
 

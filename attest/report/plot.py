@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from attest.errors import ReadError
 from attest.files import replacing
 from attest.recording import Recording, Signal, seconds
-from attest.report.info import unit_of
+from attest.report.info import GAP, unit_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -64,11 +64,23 @@ def _draw(axes: "Axes", name: str, signal: Signal, origin: int) -> None:
 
 
 def _thinned(t: Array, x: Array) -> tuple[Array, Array]:
-    """Return the least and the greatest value of each stretch where there are many samples."""
+    """Return the least and the greatest value of each stretch where there are many samples.
+
+    Behind a sample, or a stretch, that a gap follows stands one that is not drawn.
+    """
+    steps = np.diff(t)
+    gap = np.append(steps > GAP * np.median(steps), False) if len(steps) else np.zeros(1, np.bool_)
     size = len(x) // COLUMNS
     if size < 4:
-        return t, x
+        return _broken(t, x, np.flatnonzero(gap) + 1)
     whole = len(x) // size * size
     parts = x[:whole].reshape(-1, size)
     both = np.stack([parts.min(axis=1), parts.max(axis=1)], axis=1).ravel()
-    return np.append(np.repeat(t[:whole:size], 2), t[-1]), np.append(both, x[-1])
+    after = 2 * np.flatnonzero(gap[:whole].reshape(-1, size).any(axis=1)) + 2
+    t, x = np.append(np.repeat(t[:whole:size], 2), t[-1]), np.append(both, x[-1])
+    return _broken(t, x, after)
+
+
+def _broken(t: Array, x: Array, after: NDArray[np.intp]) -> tuple[Array, Array]:
+    """Put what is not drawn at some places."""
+    return np.insert(t, after, np.nan), np.insert(x, after, np.nan)

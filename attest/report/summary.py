@@ -102,15 +102,17 @@ def _consistency(result: Result) -> dict[str, Any]:
     """Return what can be said without a reference."""
     estimates, samples = result.estimates, result.samples
     used = estimates.updated.mean(axis=0).tolist() if estimates.updated.size else []
-    figures = {
+    figures: dict[str, Any] = {
         "s_norm_rms": float(np.sqrt(np.mean(estimates.s_norm**2))),
         "cost_mean": float(np.mean(estimates.cost)),
         "used": dict(zip(samples.names, used, strict=True)),
     }
     if "mag" in result.recording.signals:
         norm = np.linalg.norm(result.recording.signals["mag"].y, axis=1) * 1e6
-        figures["field_ut_median"] = float(np.median(norm))
-        figures["field_ut_spread"] = float(np.percentile(norm, 95) - np.percentile(norm, 5))
+        spread = float(np.percentile(norm, 95) - np.percentile(norm, 5))
+        alone = result.recording.tells("field strength")  # a direction, whose length tells nothing
+        figures["field_ut_median"] = None if alone else float(np.median(norm))
+        figures["field_ut_spread"] = None if alone else spread
     return figures | _against_model(result)
 
 

@@ -120,7 +120,8 @@ def _attestation(summary: Mapping[str, Any]) -> list[str]:
 
 def _field(consistency: Mapping[str, Any]) -> str:
     """Return the field's strength and dip, against the model where there is one."""
-    text = f"{consistency['field_ut_median']:.1f} µT"
+    median = consistency["field_ut_median"]
+    text = "direction only" if median is None else f"{median:.1f} µT"
     if "field_ut_model" not in consistency:
         return text
     dip = consistency["dip_deg_median"]

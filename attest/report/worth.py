@@ -1,30 +1,49 @@
 """What the signals of a log are worth, as text: values, physics, motion, the command to run."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
 GRAVITY = "9.81 m/s²"
+TOGETHER = 0.5
+"""Share of a vector's motion that the gyroscope explains, from which the two agree."""
+NAMES = {"mag": "magnetometer", "accel": "accelerometer", "reference": "reference"}
+NAME, SOURCE = 12, 24
+"""Usual widths of columns."""
+WIDEST = 40
+"""Characters of a name that fit a table; the whole is in the JSON."""
+
+
+def fitted(text: str) -> str:
+    """Shorten a name to what fits a table."""
+    return text if len(text) <= WIDEST else f"{text[: WIDEST - 1]}…"
+
+
+def width(texts: Iterable[str], least: int) -> int:
+    """Return how wide a column for some names is, with what parts it from the next."""
+    return max([least, *(len(fitted(text)) + 2 for text in texts)])
 
 
 def text_of_worth(info: Mapping[str, Any]) -> list[str]:
     """Return what an inspection adds to a description, as lines; none without one."""
     if "earth" not in info:
         return []
-    head = f"  {'values':12s}{'jitter':>9s}{'repeated':>10s}{'stuck':>9s}{'at limit':>10s}"
+    signals = {name: s for name, s in info["signals"].items() if "min" in s}
+    wide = width(signals, NAME)
+    head = f"  {'values':{wide}s}{'jitter':>9s}{'repeated':>10s}{'stuck':>9s}{'at limit':>10s}"
     lines = ["", f"{head}{'step':>11s}  range of each axis"]
-    lines += [_values(name, signal) for name, signal in info["signals"].items() if "min" in signal]
+    lines += [f"  {fitted(name):{wide}s}{_values(signal)}" for name, signal in signals.items()]
     return [*lines, "", *(f"  {name:12s}{text}" for name, text in _physics(info))]
 
 
-def _values(name: str, s: Mapping[str, Any]) -> str:
+def _values(s: Mapping[str, Any]) -> str:
     jitter = "-" if s["jitter_ms"] is None else f"{s['jitter_ms']:.3g} ms"
     stuck = f"{s['stuck_s']:.2f} s" if s["stuck_s"] else "-"
     step = "-" if s["step"] is None else f"{s['step']:.3g}"
     ranges = ", ".join(_range(low, high) for low, high in zip(s["min"], s["max"], strict=True))
     return (
-        f"  {name:11s} {jitter:>9s}{s['repeated']:>10.1%}{stuck:>9s}{s['saturated'] or '-':>10}"
+        f"{jitter:>9s}{s['repeated']:>10.1%}{stuck:>9s}{s['saturated'] or '-':>10}"
         f"{step:>11s}  {ranges}"
     )
 
@@ -47,9 +66,7 @@ def _physics(info: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     if "place" in earth:
         yield "place", _place(earth)
     if info["turns_explained"]:
-        shares = (f"{name} {max(0.0, x):.0%}" for name, x in info["turns_explained"].items())
-        told = ", ".join(shares)
-        yield "turns", f"{told} follow from the gyroscope (few at rest, few of accel in flight)"
+        yield "turns", _turns(info["turns_explained"])
     if motion is not None:
         yield "motion", _motion(motion)
     if info["gyro_correction"] is not None:
@@ -60,9 +77,24 @@ def _physics(info: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield "to run", str(info["command"])
 
 
+def _turns(explained: Mapping[str, float]) -> str:
+    """Tell which vectors turn in the body as the gyroscope says, and which do not."""
+    told = {name: f"{NAMES[name]} ({max(0.0, x):.0%})" for name, x in explained.items()}
+    agree = ", ".join(told[name] for name, x in explained.items() if x >= TOGETHER)
+    others = ", ".join(told[name] for name, x in explained.items() if x < TOGETHER)
+    parts = [f"as the gyroscope says: {agree}"] if agree else []
+    if others:
+        parts.append(f"not as the gyroscope says: {others}, usual at rest or when accelerating")
+    return "; ".join(parts)
+
+
 def _field(earth: Mapping[str, Any]) -> str:
-    model = f"{earth['field_ut_model']:.1f} by the model" if "place" in earth else "22-67 on Earth"
-    return f"{earth['field_ut']:.4g} µT in the median, {model}"
+    known = "place" in earth
+    strength = f"{earth['field_ut_model']:.1f}" if known else "22-67"
+    whose = "by the model" if known else "on Earth"
+    if earth["field_ut"] is None:
+        return f"direction only: its strength is not the Earth's ({strength} µT {whose})"
+    return f"{earth['field_ut']:.4g} µT in the median, {strength} {whose}"
 
 
 def _place(earth: Mapping[str, Any]) -> str:

@@ -9,12 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from attest.geometry import quaternion
+from attest.geometry import gps, quaternion
 from attest.recording import Signal
 from attest.simulation.flight import Array, Flight, Times, believed, following
 
-GPS_EPOCH = 315_964_800 - 18  # unix seconds, leap seconds undone
-_WEEK = 604_800_000  # ms
 _NEEDED = ("gyro", "accel", "mag", "position", "velocity")
 _TYPES = {
     "B": "u1", "b": "i1", "H": "<u2", "h": "<i2", "I": "<u4", "i": "<i4", "f": "<f4", "d": "<f8",
@@ -135,9 +133,9 @@ def _navigation(flight: Flight, autopilot: Array) -> Iterator[_Logged]:
     t = position.t[::2]
     north, east, down = following(velocity, t).T
     course = np.degrees(np.arctan2(east, north)) % 360.0
-    unix = (t + (flight.utc_offset or 0)) // 10**6 - GPS_EPOCH * 1000
-    week = unix // _WEEK if flight.utc_offset is not None else np.zeros(len(t), np.int64)
-    fix = {"Status": 3 if flight.utc_offset is not None else 2, "GMS": unix % _WEEK, "GWk": week}
+    week, within = gps.from_unix(t + (flight.utc_offset or 0))
+    known = flight.utc_offset is not None
+    fix = {"Status": 3 if known else 2, "GMS": within // 10**6, "GWk": week if known else 0 * week}
     ground = {"Spd": np.hypot(north, east), "GCrs": course, "VZ": down}
     every = {name: values[::2] for name, values in place.items()}
     yield from _messages("GPS", t, **fix, **every, **ground, NSats=14, HDop=0.8, U=1)

@@ -105,7 +105,8 @@ def _residual(result: Result) -> Iterator[Plot]:
 
 def field(result: Result) -> Iterator[Plot]:
     """Draw the strength of the field that the magnetometer saw."""
-    if (mag := result.recording.signals.get("mag")) is None:
+    mag = result.recording.signals.get("mag")
+    if mag is None or result.recording.tells("field strength"):
         return
     y = mag.y
     series = Series(

@@ -72,23 +72,38 @@ def test_nothing_is_said_of_what_is_right(log):
 @pytest.mark.parametrize(
     ("name", "factor", "unit"),
     [
-        ("gyro", DEGREES, "its unit seems to be deg/s"),
-        ("gyro", 1e3, "its unit seems to be mrad/s"),
-        ("gyro", 1.0 / DEGREES, "its unit seems to be rad/s, taken for deg/s"),
-        ("accel", 1.0 / G, "its unit seems to be g:"),
-        ("accel", 1e3 / G, "its unit seems to be mg or cm/s²"),
-        ("accel", G, "multiplied by g once more"),
-        ("mag", 1e-2, "its unit seems to be gauss"),
-        ("mag", 1e1, "its unit seems to be mG"),
-        ("mag", 1e3, "its unit seems to be nT"),
-        ("mag", 1e-6, "its unit seems to be T:"),
+        ("gyro", DEGREES, "deg/s: --set input.csv.gyro.unit=deg/s"),
+        ("gyro", 1e3, "mrad/s"),
+        ("gyro", 1.0 / DEGREES, "rad/s, taken for deg/s"),
+        ("accel", 1.0 / G, "g: --set input.csv.accel.unit=g"),
+        ("accel", 1e3 / G, "mg or cm/s²: --set input.csv.accel.unit=mg"),
+        ("accel", G, "m/s², multiplied by g once more"),
+        ("mag", 1e-2, "gauss: --set input.csv.mag.unit=gauss"),
+        ("mag", 1e1, "mG: --set input.csv.mag.unit=mgauss"),
+        ("mag", 1e3, "nT: --set input.csv.mag.unit=nT"),
+        ("mag", 1e-6, "T: --set input.csv.mag.unit=T"),
     ],
 )
-def test_a_wrong_unit_is_named_with_the_setting_that_mends_it(log, name, factor, unit):
+def test_a_wrong_unit_is_named_with_the_option_that_mends_it(log, name, factor, unit):
     for wrong in (turned(log, name, factor), turned(without(log), name, factor)):
         (text,) = told(wrong)
-        assert unit in text
-        assert f"set input.csv.{name}.unit" in text
+        assert text.endswith(f": its unit seems to be {unit}")
+
+
+@pytest.mark.parametrize(
+    ("name", "taken", "factor", "unit"),
+    [
+        ("gyro", "deg/s", 1.0 / DEGREES, "rad/s, taken for deg/s: --set input.csv.gyro.unit=rad/s"),
+        ("accel", "g", G, "m/s²: --set input.csv.accel.unit=m/s2"),
+        ("accel", "g", 1e3, "mg or cm/s²: --set input.csv.accel.unit=mg"),
+        ("mag", "gauss", 1e2, "µT: --set input.csv.mag.unit=uT"),
+        ("mag", "mgauss", 1e-3, "gauss: --set input.csv.mag.unit=gauss"),
+    ],
+)
+def test_a_wrong_unit_is_told_by_the_one_that_it_was_taken_in(log, name, taken, factor, unit):
+    wrong = replace(turned(log, name, factor), details={"units": {name: taken}})
+    (text,) = told(wrong)
+    assert text.endswith(f": its unit seems to be {unit}")
 
 
 def test_no_setting_is_named_where_there_is_none(log):
@@ -99,7 +114,11 @@ def test_no_setting_is_named_where_there_is_none(log):
 def test_degrees_are_told_without_any_vector_by_what_no_vehicle_survives(log):
     wrong = without(turned(log, "gyro", 1e3), "mag", "accel")
     (text,) = told(wrong)
-    assert "cannot be rad/s" in text
+    assert text.endswith(
+        ": its unit cannot be rad/s, but deg/s or mrad/s: --set input.csv.gyro.unit=deg/s"
+    )
+    (text,) = told(replace(wrong, details={"units": {"gyro": "deg/s"}}))
+    assert text.endswith("rad/s: its unit or scale is wrong")
 
 
 @pytest.mark.parametrize(

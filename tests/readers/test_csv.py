@@ -207,6 +207,18 @@ def test_an_empty_signal_is_noted(load):
     assert notes(recording) == {"signal without a usable row: mag": 1}
 
 
+def test_rows_that_run_backwards_are_turned_round(load):
+    recording = load(
+        f"{GYRO},mag_x,mag_y,mag_z\n9,7,8,9,,,\n1.5,4,5,6,1,2,3\n,0,0,0,,,\n0,1,2,3,,,\n"
+    )
+    assert recording.signals["gyro"].t.tolist() == [0, 15 * 10**8, 9 * 10**9]
+    assert recording.signals["gyro"].y.tolist() == [[1, 2, 3], [4, 5, 6], [7, 8, 9]]
+    assert recording.signals["mag"].t.tolist() == [15 * 10**8]
+    told = notes(recording)
+    assert told.pop("time runs backwards: rows taken from the last to the first") == 1
+    assert told == {"rows without a time that can be used, skipped": 1}
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -217,7 +229,9 @@ def test_an_empty_signal_is_noted(load):
         (f"{GYRO}\n\n\n", "a header and no rows. Check how the file was made."),
         (
             "time_s,accel_x\n0,1\n",
-            "no gyro_x, gyro_y, gyro_z column. An observer needs the gyroscope, in rad/s.",
+            "no gyro_x, gyro_y, gyro_z, which an observer needs, in rad/s. The file has: time_s, "
+            "accel_x. Rename them, or tell them by input.csv in a YAML (README.md, Configuration), "
+            "and name it by --observer.",
         ),
         (f"{GYRO},gyro_x\n0,1,2,3,4\n", "two columns are named gyro_x. Rename one."),
         (
@@ -225,8 +239,36 @@ def test_an_empty_signal_is_noted(load):
             "no row has a time and gyro_x, gyro_y, gyro_z. Fill the cells.",
         ),
         (
-            f"{GYRO}\na,b,c,d\n",
+            f"{GYRO}\n0,b,c,d\n",
             "no row has a time and gyro_x, gyro_y, gyro_z. Fill the cells.",
+        ),
+        (f"{GYRO}\n,1,2,3\n", "no row has a time and gyro_x, gyro_y, gyro_z. Fill the cells."),
+        (
+            f"{GYRO}\n2026-01-01 12:00,1,2,3\n",
+            "time_s, such as 2026-01-01 12:00, is no number. Give seconds, or input.csv.time.",
+        ),
+        (
+            f"{GYRO}\nnan,1,2,3\n",
+            "time_s, such as nan, is no number. Give seconds, or input.csv.time.",
+        ),
+        (
+            f"{GYRO}\n1777627812387,1,2,3\n",
+            "time_s, such as 1777627812387, looks like milliseconds since 1970. "
+            "Read it so: --set input.csv.time.unit=ms",
+        ),
+        (
+            f"{GYRO}\n1777627812387000,1,2,3\n",
+            "time_s, such as 1777627812387000, looks like microseconds since 1970. "
+            "Read it so: --set input.csv.time.unit=us",
+        ),
+        (
+            f"{GYRO}\n1777627812387000001,1,2,3\n",
+            "time_s, such as 1777627812387000001, looks like nanoseconds since 1970. "
+            "Read it so: --set input.csv.time.unit=ns",
+        ),
+        (
+            f"{GYRO}\n1e300,1,2,3\n",
+            "time_s, such as 1e300, is too large for a time. Give its unit by input.csv.time.",
         ),
     ],
 )

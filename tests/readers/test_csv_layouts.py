@@ -3,9 +3,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from attest import readers
-from attest.errors import ReadError
+from attest.config import Csv
+from attest.errors import ConfigError, ReadError
 from attest.geometry import quaternion
 from attest.readers import csv_layouts
+from attest.readers.options import ReadOptions
 
 EUROC = (
     "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],"
@@ -24,6 +26,20 @@ REPOIMU = (
 )
 HEAD = "time,seconds_elapsed,z,y,x\n"
 NS = 1_718_030_736_872_695_300
+
+
+XIO = "Time (s),{}\n0,1,2,3,4,5,6,7,8,9\n".format(
+    ",".join(
+        f"{name} {axis} ({unit})"
+        for name, unit in (("Gyroscope", "deg/s"), ("Accelerometer", "g"), ("Magnetometer", "uT"))
+        for axis in "XYZ"
+    )
+)
+
+
+def in_units(**units):
+    """Return the option of units alone, by key."""
+    return ReadOptions(csv=Csv.model_validate({key: {"unit": u} for key, u in units.items()}))
 
 
 def notes(recording):
@@ -84,6 +100,27 @@ def test_xio(shared):
     assert_allclose(recording.signals["mag"].t, theirs[:, 0] * 1e9, atol=1)
     assert recording.world == "enu"
     assert not any(note.doubt for note in recording.notes)
+
+
+@pytest.mark.parametrize(
+    ("text", "units", "gyro", "mag"),
+    [
+        (XIO, {"gyro": "rad/s"}, [1, 2, 3], [7e-6, 8e-6, 9e-6]),
+        (XIO, {"mag": "gauss"}, np.deg2rad([1, 2, 3]), [7e-4, 8e-4, 9e-4]),
+        (REPOIMU, {"gyro": "deg/s"}, np.deg2rad([1, 2, 3]), [1e-5, 4e-5, -9e-5]),
+        (REPOIMU, {"mag": "mgauss"}, [1, 2, 3], [1e-8, 4e-8, -9e-8]),
+        (EUROC, {"gyro": "deg/s"}, np.deg2rad([-0.1, 0.15, 0.03]), None),
+    ],
+)
+def test_units_alone_are_laid_over_a_layout(tmp_path, text, units, gyro, mag):
+    path = tmp_path / "a.csv"
+    path.write_text(text)
+    recording = readers.read(path, in_units(**units))
+    assert_allclose(recording.signals["gyro"].y[0], gyro)
+    assert mag is None or np.allclose(recording.signals["mag"].y[0], mag)
+    assert recording.world == "enu"
+    told = ", ".join(f"{key} {unit}" for key, unit in units.items())
+    assert f"units as input.csv says: {told}" in notes(recording)
 
 
 @pytest.mark.parametrize("text", [EUROC_TRUTH, "0 1 2 3 0 0 0 1\n1 1 2 3 0 0 0 1\n"])
@@ -153,3 +190,16 @@ def test_a_broken_file_of_the_folder_is_left_out(tmp_path):
 def test_no_gyroscope_row_is_one_line(tmp_path):
     with pytest.raises(ReadError, match=r"Gyroscope\.csv: no row that can be used"):
         readers.read(phone(tmp_path, Gyroscope=f"{HEAD}x,x,x,x,x\n"))
+
+
+def test_units_alone_are_laid_over_those_of_a_phone(tmp_path):
+    recording = readers.read(phone(tmp_path), in_units(gyro="deg/s", mag="gauss"))
+    assert_allclose(recording.signals["gyro"].y[0], np.deg2rad([1, 2, 3]))
+    assert_allclose(recording.signals["mag"].y[0], [1e-4, 20e-4, -40e-4])
+    assert "units as input.csv says: gyro deg/s, mag gauss" in notes(recording)
+    units = {"time": "ns", "gyro": "deg/s", "accel": "m/s2", "mag": "gauss"}
+    assert recording.details["units"] == units
+    (tmp_path / "Magnetometer.csv").unlink()
+    with pytest.raises(ConfigError) as caught:
+        readers.read(tmp_path, in_units(mag="gauss"))
+    assert str(caught.value) == f"{tmp_path}: no mag for input.csv.mag.unit. Leave it out."

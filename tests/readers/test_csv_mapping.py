@@ -163,7 +163,17 @@ def test_what_does_not_fit_is_one_line(load, tmp_path, text, keys, kind, message
         ({"time": {"column": "t", "unit": "min"}},
          "a.yaml: 'input.csv.time.unit' is \"min\". It must be: 's', 'ms', 'us' or 'ns'."),
         ({"time": TIME, "gyr": GYRO}, "a.yaml: unknown key 'input.csv.gyr'. Did you mean 'gyro'? "),
-        ({"gyro": GYRO}, "a.yaml: 'input.csv.time' is missing. Add it."),
+        ({"gyro": GYRO},
+         """a.yaml: 'input.csv' is {"gyro": {"columns": ["gx", "gy", "gz"]}}: """
+         "gyro is told, so time.column is needed too."),
+        ({"skip": 2},
+         """a.yaml: 'input.csv' is {"skip": 2}: skip is told, so time.column is needed too."""),
+        ({"time": TIME, "gyro": {"unit": "deg/s"}},
+         """a.yaml: 'input.csv' is {"time": {"column": "t"}, "gyro": {"unit": "deg/s"}}: """
+         "time.column is named, so gyro.columns are needed too."),
+        ({"gyro": {}},
+         "a.yaml: 'input.csv.gyro' is {}: columns are needed, or the unit of those that the "
+         "header names."),
     ],
 )  # fmt: skip
 def test_a_wrong_mapping_is_one_line(csv, message):
@@ -181,6 +191,36 @@ def test_a_mapping_in_yaml_reaches_the_reader(tmp_path):
     recording = pipeline.read(log, pipeline.configure(str(yaml)))
     assert recording.signals["gyro"].t.tolist() == [0, 10**6]
     assert_allclose(np.rad2deg(recording.signals["gyro"].y), [[1, 2, 3], [4, 5, 6]])
+
+
+CANONICAL = "time_s,gyro_x,gyro_y,gyro_z,mag_x,mag_y,mag_z\n0,1,2,3,4,5,6\n10,1,2,3,4,5,6\n"
+
+
+def test_units_alone_are_for_the_columns_that_the_header_names(tmp_path):
+    log = tmp_path / "log.csv"
+    log.write_text(CANONICAL)
+    sets = ["input.csv.gyro.unit=deg/s", "input.csv.time.unit=ms", "input.csv.mag.unit=gauss"]
+    told = pipeline.configure("fts", sets)
+    recording = pipeline.read(log, told)
+    assert recording.signals["gyro"].t.tolist() == [0, 10**7]
+    assert_allclose(np.rad2deg(recording.signals["gyro"].y[0]), [1, 2, 3])
+    assert_allclose(recording.signals["mag"].y[0], [4e-4, 5e-4, 6e-4])
+    assert recording.details["units"] == {"time": "ms", "gyro": "deg/s", "mag": "gauss"}
+    assert "units as input.csv says: time ms, gyro deg/s, mag gauss" in notes(recording)
+    # and so does the configuration that is saved with a result
+    again = config.validate(fts.Config, config.effective(told), "again")
+    assert again == told
+
+
+def test_a_unit_of_no_column_is_one_line(tmp_path):
+    log = tmp_path / "log.csv"
+    log.write_text("time_s,gyro_x,gyro_y,gyro_z\n0,1,2,3\n")
+    with pytest.raises(ConfigError) as caught:
+        pipeline.read(log, pipeline.configure("fts", ["input.csv.accel.unit=g"]))
+    assert str(caught.value) == (
+        f"{log}: no columns of accel for input.csv.accel.unit. "
+        "The file has: time_s, gyro_x, gyro_y, gyro_z."
+    )
 
 
 def told(**keys):

@@ -83,6 +83,9 @@ def test_velocity_and_place_of_a_receiver(tmp_path):
     assert_allclose(recording.signals["position"].y[0], [47.4, 8.55, 500])
     # week 2200 began on 6 March 2022; 18 leap seconds
     assert recording.clock.utc_offset == pytest.approx((1646524800 + 1 - 18 - 105) * 1e9, abs=6e9)
+    # week 1700 began on 5 August 2012; 16 leap seconds
+    old = read(tmp_path, flight(TIMES, GPS=(*fix[:3], 1700, *fix[4:])))
+    assert old.clock.utc_offset - recording.clock.utc_offset == (-500 * 604800 + 2) * 10**9
     none = read(tmp_path, flight(TIMES, GPS=(0, 1, *fix[2:])))
     assert none.signals.keys() == {"gyro", "accel", "mag"}
     assert none.clock.utc_offset is None
