@@ -19,6 +19,7 @@ It looks for attitude, velocity and gyroscope bias, every quarter of a second, t
 It is no filter for flight, since it needs the future.
 """
 
+from dataclasses import replace
 from math import radians, sqrt
 from typing import Annotated
 
@@ -55,6 +56,17 @@ REST_RATE = 3e-4
 """What a rest tells of the bias, rad/s."""
 DIRECTION_TIME = 1.0
 """How long the error of any other vector stays the same, s."""
+
+
+IRON = 9
+"""Where the hard iron is among the constants."""
+LARGE = 0.1
+"""Hard iron, as a share of the field, that must show: a body that hardly tilts cannot tell a large
+one in a strong field from none."""
+CLEARLY = 0.5
+"""Share of the field's scatter without it that a large one may leave."""
+NIL = 1e-4
+"""Deviation of a hard iron that is none."""
 
 
 class Gains(Section):
@@ -114,9 +126,12 @@ def estimate(samples: Samples, config: Config) -> Estimates:
     gains = config.gains
     nodes = inputs.nodes(samples, gains.node_s)
     log = inputs.log(samples, (gains.gyro_noise, gains.accel_noise))
-    found = smooth.smooth(
-        log, nodes, _start(samples, log, nodes, config), _north(samples), *_noise(gains)
-    )
+    first, north = _start(samples, log, nodes, config), _north(samples)
+    expected, prior = _noise(gains)
+    found = smooth.smooth(log, nodes, first, north, expected, prior)
+    if np.linalg.norm(found.path.c[IRON : IRON + 3]) > LARGE:
+        bare = smooth.smooth(log, nodes, first, north, expected, replace(prior, iron=NIL))
+        found = found if found.scatter < CLEARLY * bare.scatter else bare
     smoothed = np.empty((len(samples.t), spread.COLUMNS))
     spread.spread(log, nodes, found.path, found.P, smoothed)
     _lead(smoothed, gains.delay_s)

@@ -64,6 +64,8 @@ class Found:
     counts: Array
     """What the field after each node counts for, (N,)."""
     iterations: int
+    scatter: float
+    """Standard deviation of the local field as it was found, as a share of the strength."""
 
 
 def smooth(
@@ -89,15 +91,18 @@ def smooth(
         expected = noise._replace(tails=done > 1, field=_scatter(fields, noise.field))
     P = np.empty((len(nodes.at), NODE, NODE))
     chain.covariances(equations, P_c, P)
-    return Found(path, P, np.nan_to_num(fields[:, 0]), done)
+    return Found(path, P, np.nan_to_num(fields[:, 0]), done, _shown(fields))
 
 
 def _scatter(fields: Array, most: float) -> float:
     """Return the local field's standard deviation, as the log shows it where that is less."""
+    return float(np.clip(_shown(fields), LEAST_FIELD * most, most))
+
+
+def _shown(fields: Array) -> float:
+    """Return the local field's standard deviation as the log shows it; infinite without one."""
     shown = fields[np.isfinite(fields[:, 1]), 1]
-    if not len(shown):
-        return most
-    return float(np.clip(np.sqrt(np.median(shown) / MEDIAN), LEAST_FIELD * most, most))
+    return float(np.sqrt(np.median(shown) / MEDIAN)) if len(shown) else np.inf
 
 
 def _changed(path: Path, z: Array, z_c: Array) -> tuple[Path, float]:
