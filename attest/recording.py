@@ -67,6 +67,8 @@ class Reference:
     """Nanoseconds on the recording's clock, strictly increasing, shape (n,)."""
     q: NDArray[np.float64]
     """Unit quaternion (w, x, y, z), body to world, sign continuous in time, shape (n, 4)."""
+    world: World | None = None
+    """World axes that it was read in from a file of its own, where these can be chosen."""
 
     def __post_init__(self) -> None:
         _check_clock(self.name, self.t, self.q)

@@ -202,10 +202,12 @@ def restarted(beta, n=3001, i=2000):
     return sampled(Omega + beta, seen(q, np.eye(3)), np.eye(3), restart=restart), q
 
 
-def assert_sub_steps(observer, settings, parts=5, atol=1e-9):
+def assert_sub_steps(observer, settings, parts=5, atol=1e-9, *, straight=False):
     """Sub-steps are the run of a log that is sampled that much finer, its values between linear."""
     rng = np.random.default_rng(3)
     gyro, q = rng.normal(size=(20, 3)), quaternion.normalize(rng.normal(size=4))
+    if straight:  # a rate without bends, between whose samples nothing is unknown
+        gyro = gyro[0] + np.linspace(0.0, 1.0, 20)[:, np.newaxis] * (gyro[1] - gyro[0])
     U = seen(truth(IDENTITY, np.tile([0.4, -0.2, 0.8], (20, 1)), 0.05), np.eye(3))
     place = np.arange(19 * parts) / parts
     i, f = place.astype(int), (place % 1.0)[:, np.newaxis]

@@ -83,7 +83,7 @@ def test_quadplane_is_within_three_degrees_of_the_simulator(shared):
     result = run(shared / "tlog" / "quadplane_sitl.tlog")
     metrics = result.metrics
     assert (metrics.reference, metrics.kind) == ("SIMSTATE", "truth")
-    assert metrics.total.rmse == pytest.approx(2.46, abs=0.04)
+    assert metrics.total.rmse == pytest.approx(2.35, abs=0.04)
     assert metrics.total.median == pytest.approx(1.2, abs=0.1)
     assert sum("reboot" in note.text for note in result.notes) == 1
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import fields
+from math import isfinite
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -17,9 +18,17 @@ from attest.cli.options import (
     quiet_option,
 )
 from attest.cli.progress import progress
-from attest.errors import ConfigError
+from attest.errors import ConfigError, ReadError
 
 F = TypeVar("F", bound=Callable[..., Any])
+
+
+def finite(_: click.Context, __: click.Parameter, value: float) -> float:
+    """Refuse what is no number, which a range lets pass."""
+    if not isfinite(value):
+        raise click.BadParameter(f"{value} is no number.")
+    return value
+
 
 OPTIONS: dict[str, dict[str, Any]] = {
     "--key": {
@@ -30,6 +39,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--factor": {
         "default": 30.0,
         "type": click.FloatRange(1.0, 1e6, min_open=True),
+        "callback": finite,
         "help": "How far a key may go from its start, either way.",
     },
     "--metric": {
@@ -45,6 +55,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--skip": {
         "default": 0.0,
         "type": click.FloatRange(min=0.0),
+        "callback": finite,
         "metavar": "S",
         "help": "Leave the beginning of each log out of the score, s.",
     },
@@ -134,3 +145,6 @@ def tune(
         click.echo(text, nl=False)
     if not (as_json or quiet):
         click.echo(tuning.text_of_tuning(tuned, kept), err=output is None)
+    if tuned.failed:
+        first = next(iter(tuned.failed.values()))
+        raise ReadError(f"{len(tuned.failed)} of {len(found)} logs could not be used. {first}")

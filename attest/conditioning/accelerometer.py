@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from attest.conditioning import frame, specific_force
-from attest.conditioning.measured import Measured, carried, unit
-from attest.conditioning.timeline import SECOND, Timeline
+from attest.conditioning import directions, frame, specific_force, velocity
+from attest.conditioning.measured import Measured, carried, unit, usable
+from attest.conditioning.smoothing import longest_memory
+from attest.conditioning.timeline import BREAK, SECOND, Timeline
 from attest.config import Conditioning
 from attest.errors import ReadError
 from attest.geometry import quaternion
@@ -17,6 +18,8 @@ Array = NDArray[np.float64]
 
 GRAVITY = 9.80665
 """Standard gravity, m/s²; only its direction matters to the observers."""
+LOAD = 0.05
+"""Share of gravity by which the specific force differs where it is half believed to be gravity."""
 
 
 def accelerometer(
@@ -39,23 +42,7 @@ def accelerometer(
                 "Use 'reference: gravity' for 'accel'."
             )
         return plain, [Note("accelerometer's reference: gravity (the log has no velocity)")]
-    smoothed, inertial, notes = _specific_force(recording, line, signal, g, config)
-    expected, seen = np.linalg.norm(inertial, axis=1), np.linalg.norm(smoothed, axis=1)
-    if reference is None and not specific_force.explains(expected, seen, GRAVITY):
-        text = (
-            "accelerometer's reference: gravity (the log's velocity does not fit the accelerometer)"
-        )
-        return plain, [Note(text, doubt=True)]
-    # NaN where there is too little to smooth; near free fall there is no direction
-    with np.errstate(invalid="ignore"):
-        moving = np.minimum(expected, seen) > 0.1 * GRAVITY
-    still = len(line.t) - int(moving.sum())
-    if still:
-        text = "step without velocity nearby: the accelerometer's reference is gravity there"
-        notes.append(Note(text, still))
-    body = np.where(moving[:, np.newaxis], unit(smoothed), plain.body)
-    known = np.where(moving[:, np.newaxis], unit(inertial), plain.inertial)
-    return Measured(body, known, plain.valid, plain.length), notes
+    return _aided(recording, line, plain, g, reference, config)
 
 
 def corrected(recording: Recording, config: Conditioning) -> Recording:
@@ -68,23 +55,85 @@ def corrected(recording: Recording, config: Conditioning) -> Recording:
     return replace(recording, signals={**recording.signals, "accel": signal})
 
 
-def _specific_force(
-    recording: Recording, line: Timeline, signal: Signal, g: Array, config: Conditioning
-) -> tuple[Array, Array, list[Note]]:
-    """Return smoothed specific force in the body, a - g in the world, and what was done."""
-    settings, velocity = config.specific_force, recording.signals["velocity"]
-    fixed = quaternion.rotate(frame.at(line.t, line.D, signal.t), signal.y)
-    level, _ = specific_force.smooth(line.t, signal.t, fixed, settings.smoothing_s)
-    lag = settings.lag_s
-    if lag is None:
-        _, a = specific_force.smooth(line.t, velocity.t, velocity.y, settings.smoothing_s)
-        lag = specific_force.find_lag(
-            seconds(line.t, int(line.t[0])),
-            np.linalg.norm(a - g, axis=1),
-            np.linalg.norm(level, axis=1),
+def _aided(
+    recording: Recording,
+    line: Timeline,
+    plain: Measured,
+    g: Array,
+    reference: str | None,
+    config: Conditioning,
+) -> tuple[Measured, list[Note]]:
+    """Use a - g where there is a sound velocity, gravity where the vehicle does not manoeuvre."""
+    force, a_g, level, notes = _specific_force(recording, line, g, config)
+    expected, seen = np.linalg.norm(a_g, axis=1), np.linalg.norm(force, axis=1)
+    if reference is None and not specific_force.explains(expected, seen, GRAVITY):
+        text = (
+            "accelerometer's reference: gravity (the log's velocity does not fit the accelerometer)"
         )
+        return plain, [Note(text, doubt=True)]
+    # NaN where there is too little to smooth; near free fall there is no direction
+    with np.errstate(invalid="ignore"):
+        moving = np.minimum(expected, seen) > 0.1 * GRAVITY
+    notes[0] = replace(notes[0], text=f"{notes[0].text}, used at {moving.mean():.0%} of the steps")
+    if still := len(line.t) - int(moving.sum()):
+        text = "step without velocity nearby: the accelerometer's reference is gravity there"
+        notes.append(Note(text, still))
+        plain = _unaided(
+            plain, line, np.where(moving, np.linalg.norm(a_g - g, axis=1), level), config
+        )
+    body = np.where(moving[:, np.newaxis], unit(force), plain.body)
+    known = np.where(moving[:, np.newaxis], unit(a_g), plain.inertial)
+    return Measured(body, known, plain.valid, plain.length), notes
+
+
+def _unaided(plain: Measured, line: Timeline, load: Array, config: Conditioning) -> Measured:
+    """Low-pass the accelerometer as far as it is gravity that it measures.
+
+    Parameters
+    ----------
+    load
+        What it is known to measure besides, m/s², (n,).
+    """
+    if config.smoothing.accel_s is None:
+        return plain
+    restart = np.diff(line.t, prepend=line.t[0] - BREAK) >= BREAK
+    h = np.where(restart, 0.0, np.diff(line.t, prepend=line.t[0]) * 1e-9)
+    weight = plain.valid / (1.0 + (load / (LOAD * GRAVITY)) ** 2)
+    tau = min(config.smoothing.accel_s, longest_memory(h, line.gyro))
+    body = np.empty_like(plain.body)
+    directions.low_pass(h, line.D, plain.body, plain.length, weight, restart, tau, body)
+    return replace(plain, body=body, valid=plain.valid & body.any(axis=1))
+
+
+def _specific_force(
+    recording: Recording, line: Timeline, g: Array, config: Conditioning
+) -> tuple[Array, Array, Array, list[Note]]:
+    """Return specific force in the body, a - g in the world, and what was done.
+
+    Third is by how much the length of the specific force is not gravity's, m/s², (n,).
+    """
+    settings, aiding = config.specific_force, recording.signals["velocity"]
+    signal, sigma = usable(recording.signals["accel"])[0], settings.smoothing_s
+    fixed = quaternion.rotate(frame.at(line.t, line.D, signal.t), signal.y)
+    level, _ = specific_force.smooth(line.t, signal.t, fixed, sigma)
+    length = np.linalg.norm(level, axis=1)
+    raw = velocity.compared(aiding, signal.t, fixed, g, 0)
+    aiding, notes = velocity.unstuck(aiding, raw)
+    lag, late = settings.lag_s, 0
+    # what cannot be hides the lag, and a wrong lag makes what can be look as if it could not
+    for _ in range(2 if lag is None else 0):
+        pair, broken, _ = velocity.sound(velocity.compared(aiding, signal.t, fixed, g, late), sigma)
+        a_g, _ = velocity.slopes(line.t, pair, broken, sigma)
+        at = seconds(line.t, int(line.t[0]))
+        found = specific_force.find_lag(at, np.linalg.norm(a_g, axis=1), length)
+        lag, late = found, round((found or 0.0) * SECOND)
+    late = round((lag or 0.0) * SECOND)
     told = "its lag could not be told and is taken as 0" if lag is None else f"{lag:+.2f} s late"
-    shifted = line.t + round((lag or 0.0) * SECOND)
-    _, a = specific_force.smooth(shifted, velocity.t, velocity.y, settings.smoothing_s)
-    note = Note(f"accelerometer's reference: a - g from {velocity.source} velocity, {told}")
-    return quaternion.rotate(quaternion.conjugate(line.D), level), a - g, [note]
+    notes.insert(0, Note(f"accelerometer's reference: a - g from {aiding.source} velocity, {told}"))
+    pair, broken, left_out = velocity.sound(
+        velocity.compared(aiding, signal.t, fixed, g, late), sigma
+    )
+    a_g, force = velocity.slopes(line.t + late, pair, broken, sigma)
+    force = quaternion.rotate(quaternion.conjugate(line.D), force)
+    off = np.where(np.isfinite(length), np.abs(length - GRAVITY), 0.0)
+    return force, a_g, off, [*notes, *left_out]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from attest.conditioning import iron
-from attest.conditioning.iron import Field, Iron
+from attest.conditioning.iron import ALL, HARD, Field, Fit, Iron
 from attest.recording import Note
 
 Array = NDArray[np.float64]
@@ -31,8 +31,6 @@ MATTERS = np.deg2rad(0.3)
 """Least change of heading that is worth it, rad."""
 PARTS = 4
 """Of the log in its order, none of which may get worse."""
-HARD = np.eye(8, 3)
-ALL = np.eye(8)
 NIL = 1e-6
 """Misfit that is none, as a share of the strength."""
 MICRO = 1e6
@@ -55,47 +53,52 @@ class Verdict:
 
 def judge(field: Field | None) -> Verdict | str:
     """Return what the samples tell, or why they tell nothing."""
-    if field is None or field.window[-1] + 1 < FEWEST or len(field.m) < FEWEST**2:
+    if field is None or field.window[-1] + 1 < FEWEST or len(field.X) < FEWEST**2:
         return f"the log has too little of it: {FEWEST} x {iron.WINDOW:g} s are needed"
-    _, P = iron.fit(field, HARD)
-    variance, axes = np.linalg.eigh(P)
+    hard = iron.fit(field, HARD)
+    variance, axes = np.linalg.eigh(hard.covariance)
     seen = axes[:, variance < OBSERVED**2]
     if not seen.shape[1]:
         return "the log's motion does not tell it"
-    verdicts = [_verdict(field, HARD @ seen, P)]
-    _, P8 = iron.fit(field, ALL)
-    if np.linalg.eigvalsh(P8)[-1] < OBSERVED**2:
-        verdicts.append(_verdict(field, ALL, P8[:3, :3]))
+    if seen.shape[1] < 3:
+        hard = iron.fit(field, HARD @ seen, hard.weight)
+    verdicts = [_verdict(field, HARD @ seen, hard)]
+    whole = iron.fit(field, ALL, hard.weight)
+    if np.linalg.eigvalsh(whole.covariance)[-1] < OBSERVED**2:
+        verdicts.append(_verdict(field, ALL, whole))
     # both may pass, or none: then what leaves less is told
     return min(
         verdicts, key=lambda each: (each.against != "", float(np.log(each.left[:, :2]).sum()))
     )
 
 
-def _verdict(field: Field, basis: Array, P: Array) -> Verdict:
-    """Judge the calibration in a basis of the unknowns."""
-    found = _found(field, basis)
+def _verdict(field: Field, basis: Array, fit: Fit) -> Verdict:
+    """Judge a calibration, found in a basis of the unknowns."""
+    found = iron.iron(fit.x, field.strength)
     told = np.linalg.norm(basis[:3], axis=1) > 0.5  # share of an axis in what is observed
-    deviation = np.where(told, field.strength * np.sqrt(np.diag(P)), np.inf)
+    variance = np.diag(basis[:3] @ fit.covariance @ basis[:3].T)
+    deviation = np.where(told, field.strength * np.sqrt(variance), np.inf)
     changed = iron.heading(field, iron.NONE, found)
     if changed < MATTERS:
         against = f"it would change the heading by {np.rad2deg(changed):.1f}° only"
         return Verdict(found, deviation, np.ones((2, 3)), changed, against)
     first = (field.window // BLOCK) % 2 == 0
     halves = [field.part(chosen) for chosen in (first, ~first)]
-    made = [_found(half, basis) for half in halves]
+    made = [
+        iron.iron(iron.fit(half, basis, fit.weight[chosen]).x, field.strength)
+        for half, chosen in zip(halves, (first, ~first), strict=True)
+    ]
     left = np.array([_left(half, other) for half, other in zip(halves, made[::-1], strict=True)])
-    differs = iron.heading(field, *made)
-    parts = np.array_split(np.arange(field.window[-1] + 1), PARTS)
-    ordered = [_left(field.part(np.isin(field.window, part)), found)[0] for part in parts]
-    against = _against(left, max(ordered), changed, differs)
+    against = _against(field, found, left, changed, iron.heading(field, *made))
     return Verdict(found, deviation, left, changed, against)
 
 
-def _against(left: Array, worst: float, changed: float, differs: float) -> str:
+def _against(field: Field, found: Iron, left: Array, changed: float, differs: float) -> str:
     """Say what speaks against a calibration."""
     if not (left[:, :2] <= HELPS).all() or not (left <= HARMS).all():
         return f"held-back parts of the log are not clearly better by it ({_told(left)})"
+    parts = np.array_split(np.arange(field.window[-1] + 1), PARTS)
+    worst = max(_left(field.part(np.isin(field.window, part)), found)[0] for part in parts)
     if worst > HARMS:
         return f"it makes a part of the log worse, by {worst - 1.0:.0%}"
     if differs > ALIKE * changed:
@@ -136,10 +139,6 @@ def given(field: Field | None, told: Iron) -> Note:
     worse = bool((left[:2] > 1.0 / HELPS).any())
     text += f", {_told(left[np.newaxis])}"
     return Note(text + (": worse than without it" if worse else ""), doubt=worse)
-
-
-def _found(field: Field, basis: Array) -> Iron:
-    return iron.iron(iron.fit(field, basis)[0], field.strength)
 
 
 def _left(field: Field, made: Iron) -> Array:

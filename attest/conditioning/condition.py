@@ -11,6 +11,7 @@ from attest.conditioning.gyroscope import rates as gyroscope_rates
 from attest.conditioning.magnetometer import magnetometer
 from attest.conditioning.measured import Measured, carried, usable
 from attest.conditioning.rest import rest, unturned
+from attest.conditioning.rows import place
 from attest.conditioning.smoothing import smooth
 from attest.conditioning.timeline import (
     SECOND,
@@ -180,9 +181,10 @@ def _measure(
 def _stack(vectors: list[Array], rows: int) -> Array:
     """Join vectors (n, 3) or (1, 3) to (n, k, 3), constant ones repeated where others move."""
     rows = max([rows, *map(len, vectors)])
-    if not vectors:
-        return np.empty((rows, 0, 3))
-    return np.stack([np.broadcast_to(v, (rows, 3)) for v in vectors], axis=1)
+    stacked = np.empty((rows, len(vectors), 3))
+    for k, v in enumerate(vectors):
+        place(stacked, k, v)
+    return stacked
 
 
 def _valid(vectors: list[Measured], n: int) -> NDArray[np.bool_]:

@@ -16,23 +16,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from attest.conditioning import gyroscope_errors
+from attest.conditioning.gyroscope_errors import N
 from attest.geometry import mat3, so3
 from attest.geometry.jit import kernel
 from attest.geometry.mat3 import Matrix
-from attest.geometry.so3 import Vector
+from attest.geometry.so3 import Quaternion, Vector
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-N = 12
 BLOCK = 0.02
-"""In which the frame is taken as still where sensitivities are summed, s."""
+"""In which the frame is taken as still, s."""
 WINDOW = 6.0
 """Over which the direction of gravity is averaged, s: accelerations of the body cancel."""
 REST = 0.5
 """Over which the gyroscope is averaged at rest, s."""
-REST_STD = radians(0.05)
-"""Of that average against the bias, rad/s."""
 WALK_STD = radians(0.001)
 """Of the bias after a second, rad/s."""
 DIRECTION_STD = 0.02
@@ -66,42 +65,19 @@ class Window(NamedTuple):
     """By which the frame is corrected, in the window before and in this one, (2, 12)."""
     clock: Array
     """Sum of weights, s; time, s; samples; whether there is a window before; time at rest, s, and
-    samples."""
+    samples; time that P has not walked yet, s."""
     variance: Array
     """Of the direction as seen, (1,)."""
     block: Array
-    """Sums since Theta was last added to: time, s, time times rate, rad; and the weight, (5,)."""
+    """Sums since Theta was last added to: time, s, time times rate, rad; and samples, (5,)."""
+    seen: Array
+    """And of time times each direction in the body, (k, 3)."""
     resting: Array
     """Sum of time times rate at rest, rad, (3,)."""
 
 
-WEIGHT, TIME, COUNT, BEFORE, REST_TIME, REST_COUNT = range(6)
-
-
-@kernel
-def error(x: Array, Omega_m: Vector) -> Vector:
-    """Return b + S Omega_m."""
-    return (
-        x[0] + x[3] * Omega_m[0] + x[4] * Omega_m[1] + x[5] * Omega_m[2],
-        x[1] + x[6] * Omega_m[0] + x[7] * Omega_m[1] + x[8] * Omega_m[2],
-        x[2] + x[9] * Omega_m[0] + x[10] * Omega_m[1] + x[11] * Omega_m[2],
-    )
-
-
-@kernel
-def update(x: Array, P: Array, H: Array, innovation: float, variance: float) -> None:
-    """Take one scalar measurement into x and P."""
-    PH = np.zeros(N)
-    expected = variance
-    for j in range(N):
-        for k in range(N):
-            PH[j] += P[j, k] * H[k]
-        expected += H[j] * PH[j]
-    for j in range(N):
-        gain = PH[j] / expected
-        x[j] += gain * innovation
-        for k in range(N):
-            P[j, k] -= gain * PH[k]
+WEIGHT, TIME, COUNT, BEFORE, REST_TIME, REST_COUNT, WAITED = range(7)
+SAMPLES = 4
 
 
 @kernel
@@ -117,55 +93,11 @@ def turn(Theta: Array, D: Matrix, block: Array) -> None:
 
 
 @kernel
-def sensitivity(Theta: Array, f: Vector) -> Array:
-    """Return what a change of x moves f by, Theta dx x f, shape (3, 12)."""
-    H = np.empty((3, N))
+def walk(window: Window, P: Array) -> None:
+    """Let the bias have walked until now."""
     for j in range(3):
-        a, b = (j + 1) % 3, (j + 2) % 3
-        for k in range(N):
-            H[j, k] = Theta[a, k] * f[b] - Theta[b, k] * f[a]
-    return H
-
-
-@kernel
-def spread(H: Array, P: Array) -> float:
-    """Return the trace of H P H^T."""
-    trace = 0.0
-    for j in range(len(H)):
-        for k in range(N):
-            for m in range(N):
-                trace += H[j, k] * P[k, m] * H[j, m]
-    return trace
-
-
-@kernel
-def compare(x: Array, P: Array, H: Array, nu: Vector, variance: float) -> None:
-    """Take what a direction drifted beyond expectation into x and P; H is its sensitivity."""
-    start = x.copy()
-    for j in range(3):
-        now = 0.0
-        for k in range(N):
-            now += H[j, k] * (x[k] - start[k])
-        update(x, P, H[j], nu[j] - now, variance)
-
-
-@kernel
-def at_rest(x: Array, P: Array, rate: Vector) -> None:
-    """Take the mean rate at rest, which is b but for S b, into x and P."""
-    H = np.zeros(N)
-    for j in range(3):
-        H[:] = 0.0
-        H[j] = 1.0
-        update(x, P, H, rate[j] - x[j], REST_STD**2)
-
-
-@kernel
-def _times(Theta: Array, x: Array) -> Vector:
-    """Return Theta x."""
-    a = b = c = 0.0
-    for k in range(N):
-        a, b, c = a + Theta[0, k] * x[k], b + Theta[1, k] * x[k], c + Theta[2, k] * x[k]
-    return (a, b, c)
+        P[j, j] += window.clock[WAITED] * WALK_STD**2
+    window.clock[WAITED] = 0.0
 
 
 @kernel
@@ -175,34 +107,48 @@ def clear(window: Window) -> None:
     window.mean[:] = 0.0
     window.f[:] = 0.0
     window.block[:] = 0.0
+    window.seen[:] = 0.0
     window.clock[:BEFORE] = 0.0
 
 
 @kernel
-def add(window: Window, D: Matrix, Omega_m: Vector, y: Array, i: int, h: float) -> None:
-    """Add a sample to the window, weighted by a Hann function of its time."""
-    block = window.block
-    if block[0] == 0.0:
-        block[4] = sin(pi * min(1.0, window.clock[TIME] / WINDOW)) ** 2
+def add(window: Window, Omega_m: Vector, y: Array, i: int, h: float) -> None:
+    """Add a sample to the block."""
+    block, seen = window.block, window.seen
     block[0] += h
-    block[1] += h * Omega_m[0]
-    block[2] += h * Omega_m[1]
-    block[3] += h * Omega_m[2]
-    w = h * block[4]
+    for j in range(3):
+        block[1 + j] += h * Omega_m[j]
+    block[SAMPLES] += 1.0
+    for k in range(len(seen)):
+        for j in range(3):
+            seen[k, j] += h * y[i, k, j]
+
+
+@kernel
+def end_block(window: Window, x: Array, q: Quaternion) -> Quaternion:
+    """Add a block to the window, weighted by a Hann function of its time; return the frame then."""
+    block, clock = window.block, window.clock
+    h, turned = block[0], (block[1], block[2], block[3])
+    known = so3.scale(h, gyroscope_errors.error(x, so3.scale(1.0 / h, turned)))
+    theta = so3.sub(turned, known)
+    # the samples are each at the end of a step: their mean is past the middle
+    share = 0.5 + 0.5 / block[SAMPLES]
+    D = so3.matrix(so3.multiply(q, so3.exp(so3.scale(share, theta))))
+    turn(window.Theta, D, block)
+    hann = sin(pi * min(1.0, clock[TIME] / WINDOW)) ** 2
     for k in range(len(window.f)):
-        fixed = mat3.apply(D, so3.item(y, i, k))
+        fixed = mat3.apply(D, so3.row(window.seen, k))
         for j in range(3):
-            window.f[k, j] += w * fixed[j]
-    window.clock[COUNT] += 1.0
-    if block[0] >= BLOCK:
-        turn(window.Theta, D, block)
-        w = block[0] * block[4]
-        window.clock[WEIGHT] += w
-        window.clock[TIME] += block[0]
-        for j in range(3):
-            for m in range(N):
-                window.mean[j, m] += w * window.Theta[j, m]
-        block[:] = 0.0
+            window.f[k, j] += hann * fixed[j]
+    clock[COUNT] += block[SAMPLES]
+    clock[WEIGHT] += h * hann
+    clock[TIME] += h
+    for j in range(3):
+        for m in range(N):
+            window.mean[j, m] += h * hann * window.Theta[j, m]
+    block[:] = 0.0
+    window.seen[:] = 0.0
+    return so3.multiply(q, so3.exp(theta))
 
 
 @kernel
@@ -216,7 +162,7 @@ def angle(y: Array) -> float:
 def most(window: Window, H: Array, P: Array) -> float:
     """Return the drift from which a body is steered, as in a turn, and no gyroscope errs, rad."""
     if len(window.f) < 2:
-        return max(SMALL, MOST * sqrt(spread(H, P) + 3.0 * DIRECTION_STD**2))
+        return max(SMALL, MOST * sqrt(gyroscope_errors.spread(H, P) + 3.0 * DIRECTION_STD**2))
     turned = abs(angle(window.f) - angle(window.f_before)) < APART
     return np.inf if turned else SMALL
 
@@ -228,17 +174,18 @@ def close(window: Window, x: Array, P: Array) -> None:
     for k in range(len(window.f)):
         f = so3.row(window.f, k)
         window.f[k] /= max(sqrt(so3.dot(f, f)), 1e-12)
+    walk(window, P)
     if window.clock[BEFORE] > 0.0:
         # x has changed since the window before, and with it what is left to be explained
-        told = _times(window.before, window.x[1] - window.x[0])
+        told = gyroscope_errors.times(window.before, window.x[1] - window.x[0])
         window.before[:] += window.mean
         f = so3.row(window.f_before, 0)
-        H = sensitivity(window.before, f)
+        H = gyroscope_errors.sensitivity(window.before, f)
         nu = so3.sub(so3.sub(so3.row(window.f, 0), f), so3.cross(told, f))
         size2 = so3.dot(nu, nu)
         window.variance[0] += SEEN * (size2 / 3.0 - window.variance[0])
         if size2 < most(window, H, P) ** 2:
-            compare(x, P, H, nu, max(window.variance[0], DIRECTION_STD**2))
+            gyroscope_errors.compare(x, P, H, nu, max(window.variance[0], DIRECTION_STD**2))
     window.before[:] = window.Theta - window.mean
     window.f_before[:] = window.f
     window.x[0] = window.x[1]
@@ -256,10 +203,11 @@ def stay(window: Window, x: Array, P: Array, Omega_m: Vector, h: float) -> None:
     window.clock[REST_COUNT] += 1.0
     if window.clock[REST_TIME] < REST or window.clock[REST_COUNT] < FEWEST:
         return
+    walk(window, P)
     turned = (window.resting[0], window.resting[1], window.resting[2])
-    at_rest(x, P, so3.scale(1.0 / window.clock[REST_TIME], turned))
+    gyroscope_errors.at_rest(x, P, so3.scale(1.0 / window.clock[REST_TIME], turned))
     window.resting[:] = 0.0
-    window.clock[REST_TIME:] = 0.0
+    window.clock[REST_TIME:WAITED] = 0.0
     clear(window)
     window.clock[BEFORE] = 0.0
     window.x[1] = x
@@ -296,11 +244,10 @@ def run(
     x, P, q = known[0].copy(), np.diag(known[1] ** 2), (1.0, 0.0, 0.0, 0.0)
     for i in range(len(gyro)):
         Omega_m = so3.row(gyro, i)
-        Omega = so3.sub(Omega_m, error(x, Omega_m))
+        Omega = so3.sub(Omega_m, gyroscope_errors.error(x, Omega_m))
         rate[i, 0], rate[i, 1], rate[i, 2] = Omega
         bias[i, 0], bias[i, 1], bias[i, 2] = x[0], x[1], x[2]
-        for j in range(3):
-            P[j, j] += h[i] * WALK_STD**2
+        window.clock[WAITED] += h[i]
         if restart[i]:
             clear(window)
             window.clock[BEFORE] = 0.0
@@ -309,13 +256,16 @@ def run(
             continue
         if window.clock[REST_TIME] > 0.0:
             window.resting[:] = 0.0
-            window.clock[REST_TIME:] = 0.0
+            window.clock[REST_TIME:WAITED] = 0.0
         if len(window.f) and not restart[i]:
-            q = so3.multiply(q, so3.exp(so3.scale(h[i], Omega)))
-            add(window, so3.matrix(q), Omega_m, y, i, h[i])
+            add(window, Omega_m, y, i, h[i])
+            if window.block[0] < BLOCK:
+                continue
+            q = end_block(window, x, q)
             if window.clock[TIME] >= WINDOW and window.clock[COUNT] >= FEWEST:
                 close(window, x, P)
                 q = so3.normalize(q)
+    walk(window, P)
     known[0], known[1] = x, np.sqrt(np.maximum(np.diag(P), 0.0))
 
 
@@ -328,7 +278,7 @@ def follow(
     """
     rate, bias, known = np.empty_like(gyro), np.empty_like(gyro), known.copy()
     k = y.shape[1]
-    shapes = ((3, N), (3, N), (k, 3), (3, N), (k, 3), (2, N), 6, 1, 5, 3)
+    shapes = ((3, N), (3, N), (k, 3), (3, N), (k, 3), (2, N), 7, 1, 5, (k, 3), 3)
     window = Window(*[np.zeros(shape) for shape in shapes])
     window.variance[:] = DIRECTION_STD**2
     window.x[:] = known[0]

@@ -9,13 +9,12 @@ Symbols: D rotation from the body to the gyroscope's frame, as a quaternion.
 import numpy as np
 from numpy.typing import NDArray
 
-from attest.geometry import mat3, quaternion, so3
+from attest.geometry import mat3, so3
 from attest.geometry.jit import kernel
+from attest.geometry.so3 import Quaternion
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
-
-NEVER = np.iinfo(np.int64).max
 
 
 def integrate(t: Stamps, mean: Array, restart: NDArray[np.bool_] | None = None) -> Array:
@@ -45,8 +44,10 @@ def mean_of_ends(y: Array) -> Array:
 
 
 def at(t: Stamps, D: Array, when: Stamps) -> Array:
-    """Return the frame at other times, held before the first stamp and after the last."""
-    return quaternion.slerp(t, D, np.clip(when, t[0], t[-1]), NEVER)
+    """Return the frame at other times, rising, held before the first stamp and after the last."""
+    found = np.empty((len(when), 4))
+    _at(t, D, when, found)
+    return found
 
 
 def nearest(stamps: Stamps, at_: Stamps) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -104,6 +105,24 @@ def last_before(t: Stamps, when: int, i: int) -> int:
 
 
 @kernel
+def between(t: Stamps, D: Array, when: int, i: int) -> Quaternion:
+    """Return the frame at a time, given the last stamp before it."""
+    q = so3.row4(D, i)
+    if t[i] < when:
+        q = so3.between(q, so3.row4(D, i + 1), (when - t[i]) / (t[i + 1] - t[i]))
+    return q
+
+
+@kernel
+def _at(t: Stamps, D: Array, when: Stamps, found: Array) -> None:
+    i = 0
+    for k in range(len(when)):
+        at_ = min(max(when[k], t[0]), t[-1])
+        i = last_before(t, at_, i)
+        found[k, 0], found[k, 1], found[k, 2], found[k, 3] = between(t, D, at_, i)
+
+
+@kernel
 def fix(t: Stamps, D: Array, stamps: Stamps, shift: int, y: Array, fixed: Array) -> None:
     """Fill fixed (j, 3) with vectors y in the frame, each at its stamp and a shift, nanoseconds.
 
@@ -113,9 +132,7 @@ def fix(t: Stamps, D: Array, stamps: Stamps, shift: int, y: Array, fixed: Array)
     for k in range(len(stamps)):
         when = min(max(stamps[k] + shift, t[0]), t[-1])
         i = last_before(t, when, i)
-        q = so3.row4(D, i)
-        if t[i] < when:
-            q = so3.between(q, so3.row4(D, i + 1), (when - t[i]) / (t[i + 1] - t[i]))
+        q = between(t, D, when, i)
         fixed[k, 0], fixed[k, 1], fixed[k, 2] = mat3.apply(so3.matrix(q), so3.row(y, k))
 
 

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from attest.conditioning import drift, frame, smoothing
+from attest.conditioning import drift, frame, gyroscope_errors, smoothing
 from attest.conditioning.measured import usable
 from attest.conditioning.rest import BIAS
 from attest.conditioning.rested import rested
+from attest.conditioning.rows import place
 from attest.config import Conditioning
 from attest.recording import Note, Recording, Signal, seconds
 
@@ -44,13 +45,14 @@ def rates(
 ) -> tuple[Rates, list[Note]]:
     """Take the gyroscope's errors off, and give each step its rate."""
     at, bias, known, notes = _corrected(recording, gyro, restart, config)
-    between = frame.mean_of_ends(at)
     if config.gyroscope.sample == "begins":
-        return Rates(at, at, between, bias, known), notes
+        return Rates(at, at, frame.mean_of_ends(at), bias, known), notes
+    over = np.concatenate([at[1:], at[-1:]])
+    mean = over.copy()
     # a step that is divided takes the line between its ends
-    whole = ((substeps == 1) & ~np.concatenate([restart[1:], [True]]))[:, np.newaxis]
-    ends = np.concatenate([at[1:], at[-1:]])
-    over, mean = np.where(whole, ends, at), np.where(whole, ends, between)
+    divided = np.flatnonzero((substeps > 1) | np.append(restart[1:], True))
+    mean[divided] = 0.5 * (at[divided] + over[divided])
+    over[divided] = at[divided]
     return Rates(at, over, mean, bias, known), notes
 
 
@@ -72,7 +74,7 @@ def _corrected(
     recording: Recording, gyro: Signal, restart: Mask, config: Conditioning
 ) -> tuple[Array, Array | None, Array | None, list[Note]]:
     settings = config.gyroscope
-    known = np.zeros((2, drift.N))
+    known = np.zeros((2, gyroscope_errors.N))
     known[0, :3], known[0, 3:] = settings.bias, np.ravel(settings.scale)
     known[1, :3], known[1, 3:] = settings.bias_std, settings.scale_std
     told = resting(recording, gyro, restart) if settings.correct else None
@@ -109,7 +111,10 @@ def _still(recording: Recording, gyro: Signal, force: Array, h: Array) -> Array:
     if "mag" in recording.signals:
         mag, _ = usable(recording.signals["mag"])
         vectors += [_at(gyro.t, mag)] if len(mag.t) >= drift.FEWEST else []
-    return np.stack(vectors, axis=1)
+    stacked = np.empty((len(h), len(vectors), 3))
+    for k, vector in enumerate(vectors):
+        place(stacked, k, vector)
+    return stacked
 
 
 def _at(t: NDArray[np.int64], signal: Signal) -> Array:

@@ -6,7 +6,7 @@ linear in S h and in S.
 
 Symbols: D rotation from the body to the gyroscope's frame; m the magnetometer in the body, as a
 share of the field's strength; h hard iron; S soft iron, symmetric with the trace 3, so that the
-strength stays; X what the misfit changes by with the unknowns x = (S h, five of S).
+strength stays; x = (S h, S by rows); X what the field in the gyroscope's frame is of it, X x.
 """
 
 from dataclasses import dataclass
@@ -14,8 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from attest.conditioning import frame
+from attest.conditioning import frame, windows
+from attest.conditioning.rows import first_of_cells
 from attest.conditioning.timeline import SECOND, Timeline
+from attest.conditioning.windows import Windows
 from attest.geometry import quaternion
 from attest.recording import Signal
 
@@ -24,28 +26,31 @@ Mask = NDArray[np.bool_]
 
 WINDOW = 8.0
 """Over which the field stands still in the gyroscope's frame, s."""
-MOST_SAMPLES = 20_000
-SPACING = 0.02
+MOST_SAMPLES = 3_000
+SPACING = 0.2
 """Least time between the samples that are used, s."""
-ROUNDS = 6
-"""Of weighting; the weights settle in fewer."""
+ROUNDS, LAST_ROUNDS = 5, 3
+"""Of weighting, which settles in fewer; and from weights that are nearly known."""
 FAINT = 1e-8
 """Mean square of a turn that tells nothing, rad²."""
 QUIET = 1e-3
 """Deviation of a magnetometer's samples at the least, as a share of the strength."""
 TAIL = 3.0
 """Square of the misfit, in deviations, at which a sample counts half."""
+HARD = np.eye(12, 3)
+"""Basis of the changes that hard iron makes of x."""
 _R2, _R6 = np.sqrt(0.5), np.sqrt(1.0 / 6.0)
-SHAPES = np.array(
+_SHAPES = np.array(
     [
-        [[_R2, 0, 0], [0, -_R2, 0], [0, 0, 0]],
-        [[_R6, 0, 0], [0, _R6, 0], [0, 0, -2.0 * _R6]],
-        [[0, _R2, 0], [_R2, 0, 0], [0, 0, 0]],
-        [[0, 0, _R2], [0, 0, 0], [_R2, 0, 0]],
-        [[0, 0, 0], [0, 0, _R2], [0, _R2, 0]],
+        [_R2, 0, 0, 0, -_R2, 0, 0, 0, 0],
+        [_R6, 0, 0, 0, _R6, 0, 0, 0, -2.0 * _R6],
+        [0, _R2, 0, _R2, 0, 0, 0, 0, 0],
+        [0, 0, _R2, 0, 0, 0, _R2, 0, 0],
+        [0, 0, 0, 0, 0, _R2, 0, _R2, 0],
     ]
 )
-"""Symmetric matrices without trace, shape (5, 3, 3)."""
+ALL = np.hstack([HARD, np.vstack([np.zeros((3, 5)), _SHAPES.T])])
+"""Of those that hard and soft iron make: S stays symmetric, and its trace."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,24 +73,33 @@ NONE = Iron(np.zeros(3), np.eye(3))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Field:
-    """Samples of a magnetometer in the frame that the gyroscope integrates."""
+    """Samples of a magnetometer, and the field in the frame that the gyroscope integrates."""
 
-    D: Array
-    """Body to frame, shape (n, 3, 3)."""
-    m: Array
-    """In the body, as a share of `strength`, shape (n, 3)."""
+    X: Array
+    """Shape (n, 3, 12)."""
     strength: float
     """Median length, tesla."""
-    window: NDArray[np.intp]
+    window: Windows
     """Number of each sample's window, rising from 0 without gaps, shape (n,)."""
     up: Array | None
     """Unit vertical in the frame, a window's mean; None where it is not known, shape (n, 3)."""
 
     def part(self, chosen: Mask) -> "Field":
         """Return some of the samples."""
-        window = np.unique(self.window[chosen], return_inverse=True)[1]
         up = None if self.up is None else self.up[chosen]
-        return Field(self.D[chosen], self.m[chosen], self.strength, window, up)
+        return Field(self.X[chosen], self.strength, _numbers(self.window[chosen]), up)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """What the samples of a field tell of the unknowns."""
+
+    x: Array
+    """Shape (12,)."""
+    covariance: Array
+    """In the basis of its changes, shape (k, k)."""
+    weight: Array
+    """Of each sample, shape (n,)."""
 
 
 def field(line: Timeline, mag: Signal, force: Array | None) -> Field | None:
@@ -103,50 +117,54 @@ def field(line: Timeline, mag: Signal, force: Array | None) -> Field | None:
     inside = np.flatnonzero((mag.t >= line.t[0]) & (mag.t <= line.t[-1]))
     if len(inside) < 2:
         return None
-    t = mag.t[inside]
-    spacing = max(round(SPACING * SECOND), int(t[-1] - t[0]) // MOST_SAMPLES)
-    # a log of several stretches has fewer: they are set far apart
-    chosen = inside[np.unique((t - t[0]) // spacing, return_index=True)[1]]
+    chosen = inside[first_of_cells(mag.t[inside], round(SPACING * SECOND))]
+    chosen = chosen[:: -(-len(chosen) // MOST_SAMPLES)]
     t, y = mag.t[chosen], mag.y[chosen]
-    cells = (t - t[0]) // round(WINDOW * SECOND)
-    window = np.unique(cells, return_inverse=True)[1].astype(np.intp)
+    window = _numbers((t - t[0]) // round(WINDOW * SECOND))
     strength = float(np.median(np.linalg.norm(y, axis=1)))
+    D = frame.at(line.t, line.D, t)
     up = None
     if force is not None:
         near = frame.nearest(line.t, t)[0]
-        up = _unit(_means(quaternion.rotate(line.D[near], force[near]), window, np.ones(len(t))))
-    D = quaternion.to_matrix(frame.at(line.t, line.D, t))
-    return Field(D, y / strength, strength, window, up)
+        up = _unit(_means(quaternion.rotate(line.D[near], force[near]), window))
+    X = np.empty((len(y), 3, 12))
+    windows.columns(D, y / strength, X)
+    return Field(X, strength, window, up)
 
 
-def fit(field: Field, basis: Array) -> tuple[Array, Array]:
-    """Return x, in the span of a basis of shape (8, k), and its covariance, (k, k), in the basis.
+def fit(field: Field, basis: Array, weight: Array | None = None) -> Fit:
+    """Return x, changed in a basis of shape (12, k) only, from weights as far as they are known.
 
     Samples of Cauchy's distribution: those of disturbed places count little. The covariance is
     widened by how much the windows scatter, for errors within one are of one sort.
     """
-    X, y = _columns(field) @ basis, _turned(field, field.m)
-    weight = np.ones(len(y))
-    for _ in range(ROUNDS):
-        Xc, yc = (v - _means(v, field.window, weight) for v in (X, y))
-        A = np.tensordot(Xc * weight[:, np.newaxis, np.newaxis], Xc, ((0, 1), (0, 1)))
-        slope = np.einsum("nij,ni->nj", Xc, yc * weight[:, np.newaxis])
-        inverse = np.asarray(np.linalg.inv(A + FAINT * len(y) * np.eye(len(A))), np.float64)
-        z = -inverse @ slope.sum(axis=0)
-        left = yc + Xc @ z
-        size2 = np.sum(left**2, axis=1)
-        weight = 1.0 / (1.0 + size2 / max(TAIL * float(np.median(size2)), QUIET**2))
-    scores = _sums(np.einsum("nij,ni->nj", Xc, left * weight[:, np.newaxis]), field.window)
-    scatter = float(np.sum((scores @ inverse) * scores)) / len(z)
+    x, k = unknowns(NONE), basis.shape[1]
+    Z, y, starts = times(field.X, basis), times(field.X, x), beginnings(field.window)
+    left, size2, scores = np.empty_like(y), np.empty(len(y)), np.zeros((len(starts) - 1, k))
+    rounds, weight = (ROUNDS, np.ones(len(y))) if weight is None else (LAST_ROUNDS, weight)
+    for _ in range(rounds):
+        A, slope = np.zeros((k, k)), np.zeros(k)
+        windows.normal(Z, y, weight, starts, A, slope)
+        inverse = np.linalg.inv(A + FAINT * len(y) * np.eye(k))
+        z = -inverse @ slope
+        windows.left(Z, y, weight, starts, z, left, size2)
+        weight = 1.0 / (1.0 + size2 / max(TAIL * middle(size2), QUIET**2))
+    windows.scores(Z, left, weight, starts, scores)
+    scatter = float(np.sum((scores @ inverse) * scores)) / k
     # what hardly moves has scores of hardly anything: no less than the samples' own scatter
     scatter = max(scatter, float(np.mean(weight * size2)) / 3.0, QUIET**2)
-    return basis @ z, scatter * inverse
+    return Fit(x + basis @ z, scatter * inverse, weight)
 
 
 def iron(x: Array, strength: float) -> Iron:
     """Return what the unknowns stand for."""
-    soft = np.eye(3) + np.tensordot(x[3:], SHAPES, 1)
+    soft = x[3:].reshape(3, 3)
     return Iron(np.asarray(strength * np.linalg.solve(soft, x[:3]), np.float64), soft)
+
+
+def unknowns(iron: Iron, strength: float = 1.0) -> Array:
+    """Return the unknowns of an iron."""
+    return np.concatenate([iron.soft @ iron.hard / strength, np.ravel(iron.soft)])
 
 
 def misfit(field: Field, iron: Iron) -> Array:
@@ -154,55 +172,55 @@ def misfit(field: Field, iron: Iron) -> Array:
 
     Mean absolute, as shares of the strength; shape (3,) or, without the vertical, (2,).
     """
-    m = taken_off(field, iron)
-    y = _turned(field, m)
-    moved = np.linalg.norm(y - _means(y, field.window, np.ones(len(y))), axis=1)
-    spreads = [float(moved.mean()), _spread(np.linalg.norm(m, axis=1))]
-    if field.up is not None:
-        spreads.append(_spread(np.sum(y * field.up, axis=1)))
+    y, length, along = taken_off(field, iron), np.empty(len(field.X)), np.empty(len(field.X))
+    up = np.empty((0, 3)) if field.up is None else field.up
+    moved = windows.moved(y, up, beginnings(field.window), length, along)
+    spreads = [moved, _spread(length)] + ([_spread(along)] if len(up) else [])
     return np.array(spreads)
 
 
 def heading(field: Field, one: Iron, other: Iron) -> float:
     """Return by how much two calibrations differ in heading, or in all without up, RMS, rad."""
-    a, b = (_turned(field, taken_off(field, each)) for each in (one, other))
-    if field.up is not None:
-        a, b = (v - np.sum(v * field.up, axis=1, keepdims=True) * field.up for v in (a, b))
-    angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.sum(a * b, axis=1))
-    return float(np.sqrt(np.mean(angle**2)))
+    up = np.empty((0, 3)) if field.up is None else field.up
+    return float(windows.angle(taken_off(field, one), taken_off(field, other), up))
 
 
 def taken_off(field: Field, iron: Iron) -> Array:
-    """Return the samples less the iron, as shares of the strength, (n, 3)."""
-    return Iron(iron.hard / field.strength, iron.soft).off(field.m)
+    """Return the field less the iron in the frame, as shares of the strength, (n, 3)."""
+    return times(field.X, unknowns(iron, field.strength))
 
 
-def _columns(field: Field) -> Array:
-    """Return X, shape (n, 3, 8)."""
-    shaped = np.einsum("kij,nj->nik", SHAPES, field.m)
-    return np.concatenate([-field.D, field.D @ shaped], axis=2)
+def times(X: Array, by: Array) -> Array:
+    """Return X of shape (n, 3, 12) times a vector (12,) or a matrix (12, k)."""
+    product: Array = (X.reshape(-1, 12) @ by).reshape(len(X), 3, *by.shape[1:])
+    return product
 
 
-def _turned(field: Field, m: Array) -> Array:
-    turned: Array = np.einsum("nij,nj->ni", field.D, m)
-    return turned
+def beginnings(window: Windows) -> Windows:
+    """Return the first sample of each window, and behind them the number of samples."""
+    return np.append(np.flatnonzero(np.diff(window, prepend=-1)), len(window))
 
 
-def _sums(values: Array, window: NDArray[np.intp]) -> Array:
-    """Return the sum of (n, ...) over each window."""
-    sums: Array = np.add.reduceat(values, np.flatnonzero(np.diff(window, prepend=-1)), axis=0)
-    return sums
+def middle(values: Array) -> float:
+    """Return the upper one of the middle values."""
+    return float(np.partition(values, len(values) // 2)[len(values) // 2])
 
 
-def _means(values: Array, window: NDArray[np.intp], weight: Array) -> Array:
-    """Return for each of (n, ...) the weighted mean of its window."""
-    share = weight.reshape(-1, *[1] * (values.ndim - 1))
-    means: Array = (_sums(values * share, window) / _sums(share, window))[window]
+def _numbers(cells: NDArray[np.int64]) -> Windows:
+    """Return the numbers of cells, which rise, from 0 without gaps."""
+    return np.cumsum(np.diff(cells, prepend=cells[:1]) > 0)
+
+
+def _means(values: Array, window: Windows) -> Array:
+    """Return for each of (n, 3) the mean of its window."""
+    starts = beginnings(window)
+    sums = np.add.reduceat(values, starts[:-1], axis=0)
+    means: Array = (sums / np.diff(starts)[:, np.newaxis])[window]
     return means
 
 
 def _spread(values: Array) -> float:
-    return float(np.abs(values - np.median(values)).mean())
+    return float(np.abs(values - middle(values)).mean())
 
 
 def _unit(v: Array) -> Array:

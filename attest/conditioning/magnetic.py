@@ -8,6 +8,8 @@ from attest.recording import Note, Recording, World
 
 Array = NDArray[np.float64]
 
+MOST_SAMPLES = 5_000
+"""From which the dip of a log is told."""
 DIP_TOLERANCE_DEG = 5.0
 """The log's dip may differ by this much from the model's before the log's own is used."""
 
@@ -47,11 +49,22 @@ def dip_of(field_w: Array, world: World) -> float:
     return float(np.arctan2(down, np.hypot(field_w[0], field_w[1])))
 
 
-def dip_of_log(accel: Array, mag: Array) -> float | None:
-    """Return the median dip, rad, between unit specific force and unit field, both (n, 3)."""
-    if not len(accel):
+def dip_of_log(accel: Array, mag: Array, valid: NDArray[np.bool_]) -> float | None:
+    """Return the median dip, rad, between unit specific force and unit field.
+
+    Parameters
+    ----------
+    accel, mag : shape (n, 3)
+        In the body.
+    valid : shape (n,)
+        Which to use; None is returned where there are none.
+    """
+    chosen = np.flatnonzero(valid)
+    if not len(chosen):
         return None
-    return float(np.arcsin(np.clip(-np.median(np.sum(accel * mag, axis=1)), -1.0, 1.0)))
+    chosen = chosen[:: -(-len(chosen) // MOST_SAMPLES)]
+    down = -np.sum(accel[chosen] * mag[chosen], axis=1)
+    return float(np.arcsin(np.clip(np.median(down), -1.0, 1.0)))
 
 
 def with_dip(field_w: Array, dip: float, world: World) -> Array:

@@ -120,8 +120,8 @@ def _dip_of_log(mag: Measured, before: list[Measured], world: World) -> float | 
     """Return the field's dip against the vertical, where a vector is known to be (nearly) that."""
     up = -1.0 if world == "ned" else 1.0
     for vector in before:
-        vertical = np.broadcast_to(up * vector.inertial[:, 2] > VERTICAL, mag.valid.shape)
-        both = mag.valid & vector.valid & vertical
-        if both.any():
-            return magnetic.dip_of_log(vector.body[both], mag.body[both])
+        vertical = up * vector.inertial[:, 2] > VERTICAL  # (n,), or (1,) where constant
+        dip = magnetic.dip_of_log(vector.body, mag.body, mag.valid & vector.valid & vertical)
+        if dip is not None:
+            return dip
     return None

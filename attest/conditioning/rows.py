@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from attest.geometry.jit import kernel
 
 Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
 
 
 def largest(y: Array) -> Array:
@@ -33,3 +34,17 @@ def split(v: Array, unit: Array, length: Array) -> None:
         length[i] = sqrt(v[i, 0] ** 2 + v[i, 1] ** 2 + v[i, 2] ** 2)
         r = 1.0 / length[i] if length[i] > 0.0 else 1.0
         unit[i, 0], unit[i, 1], unit[i, 2] = r * v[i, 0], r * v[i, 1], r * v[i, 2]
+
+
+@kernel
+def place(out: Array, k: int, v: Array) -> None:
+    """Fill out[:, k], of an array of shape (n, j, 3), with vectors (n, 3), or (1, 3) for all."""
+    for i in range(len(out)):
+        row = i if len(v) > 1 else 0
+        out[i, k, 0], out[i, k, 1], out[i, k, 2] = v[row, 0], v[row, 1], v[row, 2]
+
+
+def first_of_cells(t: Stamps, spacing: int) -> NDArray[np.intp]:
+    """Return the first sample of each cell of time that has one, nanoseconds, t rising."""
+    cells = (t - t[0]) // spacing
+    return np.flatnonzero(np.concatenate([[True], cells[1:] != cells[:-1]]))

@@ -42,24 +42,31 @@ def gyroscope(recording: Recording, config: Configuration) -> tuple[Signal, list
             "with their places in its 'points'."
         )
     gyro = recording.require("gyro")
-    at = seconds(gyro.t, int(gyro.t[0]))
-    wanted = at >= (config.input.start_s or 0.0)
-    if config.input.end_s is not None:
-        wanted &= at <= config.input.end_s
-    if wanted.sum() < 2:
+    first, last = _wanted(gyro.t, config)
+    t, y = gyro.t[first:last], gyro.y[first:last]
+    if len(t) < 2:
         raise ReadError(
-            f"{recording.path}: {wanted.sum()} gyroscope samples between start and end; two are "
-            f"needed. The log has {len(at)} over {at[-1]:.1f} s."
+            f"{recording.path}: {len(t)} gyroscope samples between start and end; two are "
+            f"needed. The log has {len(gyro.t)} over {(gyro.t[-1] - gyro.t[0]) * 1e-9:.1f} s."
         )
-    sane = wanted & (largest(gyro.y) < FASTEST)
-    wild = int(wanted.sum() - sane.sum())
-    if sane.sum() < 2:
+    sane = largest(y) < FASTEST
+    wild = len(t) - int(np.count_nonzero(sane))
+    if len(t) - wild < 2:
         raise ReadError(
             f"{recording.path}: the gyroscope reads over {FASTEST:g} rad/s. Check its unit."
         )
-    text = f"gyroscope sample of over {FASTEST:g} rad/s left out"
-    notes = [Note(text, wild, doubt=True)] if wild else []
-    return Signal(gyro.t[sane], gyro.y[sane], gyro.source), notes
+    if not wild:
+        return Signal(t, y, gyro.source), []
+    note = Note(f"gyroscope sample of over {FASTEST:g} rad/s left out", wild, doubt=True)
+    return Signal(t[sane], y[sane], gyro.source), [note]
+
+
+def _wanted(t: Stamps, config: Configuration) -> tuple[int, int]:
+    """Return the first sample of the time that is asked for, and the first one behind it."""
+    at = seconds(t, int(t[0]))
+    end_s = np.inf if config.input.end_s is None else config.input.end_s
+    first = np.searchsorted(at, config.input.start_s or 0.0)
+    return int(first), int(np.searchsorted(at, end_s, side="right"))
 
 
 def apart(
@@ -86,17 +93,18 @@ def restarts(
     recording: Recording, t: Stamps, config: Conditioning
 ) -> tuple[NDArray[np.bool_], list[Note]]:
     """Mark the first step, and those after a reboot or a gap that is too long to bridge."""
-    gaps = np.diff(t) > config.restart_gap_s * SECOND
-    reboots = np.isin(np.arange(len(t)), np.searchsorted(t, np.array(recording.restarts, np.int64)))
-    restart = reboots | np.concatenate([[True], gaps])
+    h = np.diff(t)
+    gaps = h > config.restart_gap_s * SECOND
+    restart = np.concatenate([[True], gaps])
+    reboots = np.searchsorted(t, np.array(recording.restarts, np.int64))
+    restart[reboots[reboots < len(t)]] = True
     notes = []
     if gaps.any():
         text = f"gap of over {config.restart_gap_s:g} s: the observer starts anew after it"
         notes.append(Note(text, int(gaps.sum()), doubt=True))
-    period = np.median(np.diff(t))
-    bridged = (np.diff(t) > 5 * period) & ~restart[1:]
+    bridged = (h > 5 * np.median(h)) & ~restart[1:]
     if bridged.any():
-        longest = np.diff(t)[bridged].max() * 1e-9
+        longest = h[bridged].max() * 1e-9
         text = f"gap in the gyroscope bridged by interpolation, the longest {longest:.2f} s"
         notes.append(Note(text, int(bridged.sum())))
     return restart, notes

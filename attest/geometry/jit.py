@@ -40,6 +40,8 @@ class _Kernel:
 
         # numpy's error model: a division by zero gives infinity, and costs no branch
         try:
-            return numba.njit(nogil=True, error_model="numpy", cache=True)(self._function)
+            return numba.njit(nogil=True, error_model="numpy", cache=True, fastmath={"contract"})(
+                self._function
+            )
         except RuntimeError:  # numba: "cannot cache function: no locator available"
             return numba.njit(nogil=True, error_model="numpy")(self._function)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from attest.inspection import axes, figures, frames, motion, place, stamps, units
+from attest.inspection import axes, figures, frames, limits, motion, place, stamps, units
 from attest.inspection.turning import Fit
 from attest.recording import Note, Recording
 
@@ -23,8 +23,10 @@ def doubts(recording: Recording) -> tuple[Note, ...]:
             return time, *units.doubts(recording, earth)
         found = axes.fits(recording)
         unit = axes.unit(recording, found)
+        found = axes.felt_too(recording, found)
         return (
             *units.doubts(recording, earth),
+            *limits.doubts(recording),
             # by a wrong unit, motion is not what it seems
             *(motion.doubts(recording) if unit is None else [unit]),
             *axes.doubts(recording, found),

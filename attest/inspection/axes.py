@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from attest.inspection import references, turning, units
+from attest.inspection import carried, felt, references, turning, units
 from attest.inspection.turning import CLEAR, FITS, Fit
 from attest.recording import Note, Recording
 
@@ -39,6 +39,22 @@ def fits(recording: Recording) -> dict[str, Fit]:
     return {name: fit for name, fit in found.items() if fit is not None}
 
 
+def felt_too(recording: Recording, found: Mapping[str, Fit]) -> dict[str, Fit]:
+    """Add the accelerometer by other means, where accelerations keep it from turning alike."""
+    accel = recording.signals.get("accel")
+    known = "accel" in found and found["accel"].best > CLEAR
+    if "gyro" not in recording.signals or accel is None or known:
+        return dict(found)
+    reference = references.default(recording)
+    fit = None
+    if reference is not None and "reference" in _right(found):
+        fit = felt.fit(recording, reference)
+    if fit is None:
+        fit = carried.fit(recording.signals["gyro"], accel)
+    others = {name: other for name, other in found.items() if name != "accel"}
+    return dict(found) if fit is None else others | {"accel": fit}
+
+
 def unit(recording: Recording, found: Mapping[str, Fit]) -> Note | None:
     """Doubt the gyroscope's unit, by what turns with it or else by what no vehicle survives."""
     scale = _scale(found)
@@ -50,15 +66,16 @@ def doubts(recording: Recording, found: Mapping[str, Fit]) -> Iterator[Note]:
     right = _right(found)
     turned = {name: fit for name, fit in _wrong(found).items() if not fit.shared}
     mirrored = [fit for fit in turned.values() if _mirrored(fit)]
-    agreed = [] if right or len(turned) < 2 or not _same(turned) else list(turned.values())
-    if mirrored or agreed:
+    agreed = [] if len(turned) < 2 or not _same(turned) else list(turned.values())
+    if not right and (mirrored or agreed):
         yield _of_gyroscope((mirrored + agreed)[0])
         return
     for name, fit in turned.items():
         if name != "reference":
             yield _of_vector(name, fit, right)
     if _scale(found) is None:
-        yield from references.doubts(recording, found)
+        witness = next((NAMES[name] for name in right if name != "reference"), "")
+        yield from references.doubts(recording, found, witness)
 
 
 def _wrong(found: Mapping[str, Fit]) -> dict[str, Fit]:
@@ -105,7 +122,7 @@ def _of_gyroscope(fit: Fit) -> Note:
         text = (
             f"the gyroscope's axes are wrong{': they' if fit.unique else ''}{_named(fit, fit.axes)}"
         )
-    return Note(text + _evidence(fit), doubt=True)
+    return Note(text + (_evidence(fit) if fit.turns else ""), doubt=True)
 
 
 def _of_vector(name: str, fit: Fit, right: list[str]) -> Note:
@@ -116,18 +133,15 @@ def _of_vector(name: str, fit: Fit, right: list[str]) -> Note:
         what += f": the {NAMES[name]}'s"
     # the vector as read is P or -P times the true one, and both turn alike
     or_opposite = ", or the opposite" if fit.unique else ""
-    return Note(f"{what}{_named(fit, fit.axes.T)}{or_opposite}{_evidence(fit)}", doubt=True)
+    evidence = _evidence(fit) if fit.turns else ""
+    return Note(f"{what}{_named(fit, fit.axes.T)}{or_opposite}{evidence}", doubt=True)
 
 
 def _named(fit: Fit, axes: NDArray[np.float64]) -> str:
-    """Write x, y, z of the right axes in those that were read, such as ``(y, -x, z)``."""
-    if not fit.unique:
-        return ""
-    which = np.argmax(np.abs(axes), axis=1)
-    letters = [f"{'-' if axes[i, j] < 0.0 else ''}{'xyz'[j]}" for i, j in enumerate(which)]
-    return f" would fit as ({', '.join(letters)})"
+    return f" would fit as {turning.written(axes)}" if fit.unique else ""
 
 
 def _evidence(fit: Fit) -> str:
     seen = f"{max(0.0, fit.as_read):.0%}"
-    return f" (that explains {fit.best:.0%} of the turns; as read, {seen})"
+    which = "that explains" if fit.unique else "others explain"
+    return f" ({which} {fit.best:.0%} of the turns; as read, {seen})"

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from attest.geometry import earth as model
-from attest.inspection import units
+from attest.inspection import limits, units
 from attest.inspection.place import Earth
 from attest.recording import Recording, Signal
 
@@ -14,12 +14,6 @@ Array = NDArray[np.float64]
 
 MOST_SAMPLES = 1_000_000
 """That figures are taken from, the first ones."""
-FEWEST = 10
-"""Samples at an extreme before it is taken for a limit of the sensor."""
-FINE = 30
-"""Distinct values of a signal before one of them can stand out as its limit."""
-STANDS_OUT = 5
-"""How many times as often a limit is met as the value next to it."""
 STEP_SAMPLES = 20_000
 """That a step is taken from."""
 STEP_TOLERANCE = 0.02
@@ -42,7 +36,8 @@ def of(name: str, signal: Signal) -> dict[str, Any]:
         "jitter_ms": _jitter(t),
         "repeated": round(float(same.mean()), 4) if len(same) else 0.0,
         "stuck_s": round(_longest(t, same), 3),
-        "saturated": sum(_saturated(column) for column in y.T),
+        # a course or a place has no range to leave
+        "saturated": sum(map(limits.at, y.T)) if name in limits.SENSORS else 0,
         # latitude and altitude share no unit, and no step
         "step": None if name == "position" else max(map(_step, y.T), default=0.0) or None,
     }
@@ -83,20 +78,6 @@ def _longest(t: NDArray[np.int64], same: NDArray[np.bool_]) -> float:
     new = np.flatnonzero(np.concatenate([[True], ~same]))
     last = np.append(new[1:] - 1, len(t) - 1)
     return float((t[last] - t[new]).max()) * 1e-9
-
-
-def _saturated(x: Array) -> int:
-    """Return how many values lie at a limit: an extreme that is met much oftener than its next."""
-    count = 0
-    for values in (x, -x):
-        top = values.max()
-        at = int(np.sum(values == top))
-        below = values[values < top]
-        if at < FEWEST or not len(below):
-            continue
-        beside = int(np.sum(below == below.max()))
-        count += at if at > STANDS_OUT * beside and len(np.unique(below[:10_000])) > FINE else 0
-    return count
 
 
 def _step(x: Array) -> float:

@@ -6,117 +6,90 @@ import numpy as np
 from numpy.typing import NDArray
 
 from attest.geometry import earth as model
-from attest.geometry import quaternion
-from attest.geometry.earth import GRAVITY
-from attest.inspection import references
+from attest.inspection import references, worlds
 from attest.inspection.place import Earth
-from attest.inspection.turning import FITS, Fit
+from attest.inspection.turning import CLEAR, FITS, Fit
 from attest.recording import Note, Recording, Reference, Signal, seconds
 
 Array = NDArray[np.float64]
 
-MOST_SAMPLES = 2_000
-NEAR_GRAVITY = 0.3
-"""A specific force that differs from gravity by more than this share tells no vertical."""
 UPSIDE_DOWN = 0.9
 """Share of a log with up on the wrong side before it is told."""
-OFF, AGREES = 0.7, 0.95
+OFF, AGREES = 0.7, worlds.OPPOSITE
 """Median cosine between two verticals below which they differ, and above which they agree."""
 STEEP = 20.0
 """Dip, deg, from which its sign is clear."""
 DIP_TOLERANCE = 10.0
 """How close the opposite of the model's dip must be, deg."""
+MOST_STEPS = 2_000
 STEP = 2.0
 """Between the positions whose difference is compared with the velocity, s."""
 FEWEST = 10
 NOT, WELL = 0.3, 0.8
 """Share of the motion that the velocity explains in the declared axes, and in the others."""
-FIXED = ("tlog", "dataflash", "ulog")
-"""Formats whose axes are fixed by their makers."""
 NED_OF_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 
 def doubts(recording: Recording, earth: Earth | None, found: Mapping[str, Fit]) -> Iterator[Note]:
     """Yield what does not fit between accelerometer, references, field, velocity and position."""
-    up = _verticals(recording)
-    if up is not None:
+    up, accel = worlds.verticals(recording), found.get("accel")
+    # an accelerometer of other axes has been told of, too
+    if up is not None and (accel is None or accel.shared or accel.best < CLEAR):
         reference, turns = references.default(recording), found.get("reference")
         # a reference that turns otherwise has been told of, and knows no vertical
         trusted = reference if turns is None or turns.as_read >= FITS else None
-        yield from _up(recording, trusted, up)
         mag = found.get("mag")
+        yield from _up(recording, trusted, up, field=mag is not None and mag.as_read >= FITS)
         if earth is not None and mag is not None and mag.shared:
             yield from _dip(recording, earth, up)
     yield from _velocity(recording)
 
 
-def _up(recording: Recording, reference: Reference | None, up: Signal) -> Iterator[Note]:
+def _up(
+    recording: Recording, reference: Reference | None, up: Signal, *, field: bool
+) -> Iterator[Note]:
     """Tell of an accelerometer whose up is not that of the reference, or not of the body."""
-    cosine = None if reference is None else _cosine(recording, reference, up)
+    cosine = None if reference is None else worlds.cosine(recording, reference, up)
     if cosine is None or reference is None:
         yield from _upside_down(recording, up)
     elif cosine < OFF:
         text = f"the accelerometer's up is {np.rad2deg(np.arccos(cosine)):.0f}° off the one of the "
         text += f"reference {reference.name}"
         if cosine < -AGREES:
-            text += f": one is inverted, or of another world{_try_world(recording)}"
+            text += f": one is inverted, or {_world(recording, reference, up, field)}"
         yield Note(text, doubt=True)
 
 
-def _verticals(recording: Recording) -> Signal | None:
-    """Return unit specific force where it is about gravity, at some moments over the log."""
-    if "accel" not in recording.signals:
-        return None
-    accel = recording.signals["accel"]
-    every = -(-len(accel.t) // MOST_SAMPLES)
-    y = accel.y[::every]
-    length = np.linalg.norm(y, axis=1)
-    near = np.flatnonzero(np.abs(length / GRAVITY - 1.0) < NEAR_GRAVITY)
-    if len(near) < FEWEST:
-        return None
-    return Signal(accel.t[::every][near], y[near] / length[near, np.newaxis], accel.source)
+def _world(recording: Recording, reference: Reference, up: Signal, field: bool) -> str:
+    """Tell of which world the reference seems to be, and the option where that would mend it."""
+    # the option changes the log's body too, so that it mends nothing where that is right
+    whole = reference.world is None and bool(np.median(_way(recording) * up.y[:, 2]) < 0.0)
+    option = worlds.try_other(recording) if whole else ""
+    name = worlds.upside_down(recording, reference) if field else None
+    return f"of another world{'' if name is None else f', as {name}'}{option}"
 
 
-def _cosine(recording: Recording, reference: Reference, up: Signal) -> float | None:
-    """Return the median cosine between the verticals of accelerometer and reference."""
-    near, at = _nearest(up.t, reference.t)
-    if near.sum() < FEWEST:
-        return None
-    down = quaternion.rotate(reference.q[at], up.y[near])[:, 2]
-    return float(np.clip(np.median(-down if recording.world == "ned" else down), -1.0, 1.0))
-
-
-def _try_world(recording: Recording) -> str:
-    """Name the option that changes the world's axes, for formats that do not fix them."""
-    if recording.format in FIXED:
-        return ""
-    return f": try --world {'enu' if recording.world == 'ned' else 'ned'}"
-
-
-def _nearest(t: NDArray[np.int64], stamps: NDArray[np.int64]) -> tuple[NDArray[np.bool_], Array]:
-    """Mark times that have a stamp within a tenth of a second, and return its place."""
-    at = np.clip(np.searchsorted(stamps, t), 1, max(1, len(stamps) - 1))
-    at = np.minimum(at, len(stamps) - 1)
-    near = np.abs(stamps[at] - t) < 100_000_000
-    return near, at[near]
+def _way(recording: Recording) -> float:
+    """Return the sign of z upwards in the body that is declared."""
+    return -1.0 if recording.body == "frd" else 1.0
 
 
 def _upside_down(recording: Recording, up: Signal) -> Iterator[Note]:
     """Tell of a body whose up is below, unless the reader did."""
     if recording.tells("up"):
         return
-    sign = -1.0 if recording.body == "frd" else 1.0
+    sign = _way(recording)
     if np.mean(sign * up.y[:, 2] < -0.5) < UPSIDE_DOWN:
         return
     way = "up" if sign < 0.0 else "down"
     text = f"accel_z is {way}: the sensor is upside down, inverted, or of other axes"
-    yield Note(text + _try_world(recording), doubt=True)
+    yield Note(text + worlds.try_other(recording), doubt=True)
 
 
 def _dip(recording: Recording, earth: Earth, up: Signal) -> Iterator[Note]:
     """Tell of a field that points out of the ground where it should point into it, or in."""
     mag = recording.signals["mag"]
-    near, at = _nearest(up.t, mag.t)
+    near, at = worlds.nearest(up.t, mag.t)
     known = float(np.rad2deg(model.dip(earth.field)))
     if near.sum() < FEWEST or abs(known) < STEEP:
         return
@@ -146,13 +119,13 @@ def _velocity(recording: Recording) -> Iterator[Note]:
     other = "enu" if recording.world == "ned" else "ned"
     if shares[recording.world] < NOT and shares[other] > WELL:
         text = f"velocity and position fit as {other} and not as {recording.world}"
-        yield Note(text + _try_world(recording), doubt=True)
+        yield Note(text + worlds.try_other(recording), doubt=True)
 
 
 def _motions(velocity: Signal, position: Signal) -> tuple[Array, Array]:
     """Return mean velocity and change of position per second, north-east-down, over steps."""
     first, last = max(velocity.t[0], position.t[0]), min(velocity.t[-1], position.t[-1])
-    count = min(int((last - first) * 1e-9 / STEP), MOST_SAMPLES)
+    count = min(int((last - first) * 1e-9 / STEP), MOST_STEPS)
     if count < FEWEST:
         return np.empty((0, 3)), np.empty((0, 3))
     at = np.arange(count + 1) * STEP

@@ -66,6 +66,8 @@ class Fit:
     """Whether no other axes explain about as much."""
     scale: float
     """What the gyroscope must be multiplied by, with these axes."""
+    turns: bool = True
+    """Whether the shares are of the vector's turning, or else of what the next axes leave."""
 
     @property
     def shared(self) -> bool:
@@ -98,6 +100,39 @@ def fit(gyro: Signal, vector: Signal) -> Fit | None:
     )
 
 
+def written(axes: Array) -> str:
+    """Write x, y, z of the right axes in those that were read, such as ``(y, -x, z)``."""
+    which = np.argmax(np.abs(axes), axis=1)
+    letters = [f"{'-' if axes[i, j] < 0.0 else ''}{'xyz'[j]}" for i, j in enumerate(which)]
+    return f"({', '.join(letters)})"
+
+
+def moving(gyro: Array, size: int) -> NDArray[np.intp]:
+    """Return where the blocks with the most motion begin."""
+    whole = len(gyro) // size
+    if whole <= MOST_BLOCKS:
+        return np.arange(0, len(gyro), size)
+    thin = max(1, size // BLOCK) * 10
+    some = gyro[: whole * size : thin]
+    spread = some[: len(some) // whole * whole].reshape(whole, -1, 3).var(axis=1).sum(axis=1)
+    return np.sort(np.argsort(spread)[-MOST_BLOCKS:]) * size
+
+
+def thinned(gyro: Signal) -> Signal:
+    """Average a gyroscope that is faster than is needed."""
+    merged = max(1, int(FINEST / period(gyro.t)))
+    return Signal(*_merged(gyro.t, gyro.y, merged), gyro.source)
+
+
+def means(stamps: Array, y: Array, edges: Array) -> Array:
+    """Return the means of (n, k) values between edges, by their integral."""
+    turned = np.zeros_like(y)
+    np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(stamps)[:, np.newaxis], axis=0, out=turned[1:])
+    whole = np.stack([np.interp(edges, stamps, column) for column in turned.T], axis=1)
+    mean: Array = np.diff(whole, axis=0) / np.diff(edges)[:, np.newaxis]
+    return mean
+
+
 def _cells(gyro: Signal, vector: Signal) -> Cells | None:
     """Return what a fit is made of; None where there is too little."""
     if len(gyro.t) < FEWEST or len(vector.t) < FEWEST:
@@ -109,7 +144,7 @@ def _cells(gyro: Signal, vector: Signal) -> Cells | None:
     merged = max(1, int(FINEST / step[0]))
     blocks = (
         _block(gyro, vector, slice(first, first + merged * BLOCK), merged, width)
-        for first in _moving(gyro.y, merged * BLOCK)
+        for first in moving(gyro.y, merged * BLOCK)
     )
     found = [block for block in blocks if block is not None]
     if sum(len(y) for y, _ in found) < 3 * FEWEST:
@@ -121,17 +156,6 @@ def _cells(gyro: Signal, vector: Signal) -> Cells | None:
 def period(t: NDArray[np.int64]) -> float:
     """Return the usual time between stamps, s, by the first ones."""
     return float(np.median(np.diff(t[:PERIOD_STAMPS]))) * 1e-9
-
-
-def _moving(gyro: Array, size: int) -> NDArray[np.intp]:
-    """Return where the blocks with the most motion begin."""
-    whole = len(gyro) // size
-    if whole <= MOST_BLOCKS:
-        return np.arange(0, len(gyro), size)
-    thin = max(1, size // BLOCK) * 10
-    some = gyro[: whole * size : thin]
-    spread = some[: len(some) // whole * whole].reshape(whole, -1, 3).var(axis=1).sum(axis=1)
-    return np.sort(np.argsort(spread)[-MOST_BLOCKS:]) * size
 
 
 def _block(gyro: Signal, vector: Signal, part: slice, merged: int, width: float) -> Cells | None:

@@ -44,6 +44,7 @@ from attest.observers.observer import (
     record,
     segments,
     steps,
+    turn_noise,
 )
 from attest.samples import Samples
 
@@ -142,6 +143,7 @@ def run(
     L: Array,
     start: State,
     numbers: Numbers,
+    Q_Omega: Array,
     out: Array,
 ) -> None:
     """Fold (82)-(86) over the steps; row i of out (n, 16) is the state before step i.
@@ -153,7 +155,8 @@ def run(
         q, beta, P = state
         for j in range(substeps[i]):
             Omega_m, L_j = mean_rate(gyro, i, j, substeps[i]), between(L, i, j, substeps[i])
-            state, residual, B, P_a_l, sound = step(state, Omega_m, L_j, h[i], numbers)
+            known = numbers[0], Q_Omega[i], numbers[2], numbers[3]
+            state, residual, B, P_a_l, sound = step(state, Omega_m, L_j, h[i], known)
             if j == 0:
                 Omega_hat = so3.sub(so3.sub(so3.row(gyro, i), beta), P_a_l)
                 s_norm = sqrt(so3.dot(residual, residual)) / numbers[0]
@@ -175,7 +178,8 @@ def estimate(samples: Samples, config: Config) -> Estimates:
         start = (q, so3.as_vector(beta), P)
         L = gain_matrices(samples, part, config.weights)
         h, substeps = steps(samples, part), samples.substeps[part]
-        run(h, substeps, samples.gyro[part], L, start, numbers, out[part])
+        Q_Omega = turn_noise(samples, part, gains.Q_Omega)
+        run(h, substeps, samples.gyro[part], L, start, numbers, Q_Omega, out[part])
         beta = out[part.stop - 1, 7:10]
     states = {"attitude_std": np.sqrt(out[:, 12:15]), "definiteness_lost": out[:, 15]}
     return estimates("game", samples, out, states=states)

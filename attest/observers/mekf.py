@@ -39,6 +39,7 @@ from attest.observers.observer import (
     record,
     segments,
     steps,
+    turn_noise,
 )
 from attest.samples import Samples
 
@@ -57,7 +58,8 @@ class Gains(Section):
     direction_noise: Annotated[float, Field(gt=0, le=1e6)] = 1.0
     """Root intensity r of the vectors' noise at a weight of 1 [rad √s]. More follows them less."""
     gyro_noise: Annotated[float, Field(gt=0, le=1e6)] = 0.074
-    """Root intensity of the gyroscope's noise [rad/√s]. More follows the vectors more."""
+    """Root intensity of the gyroscope's noise, at the least; of a slow log's steps it is more
+    [rad/√s]. More follows the vectors more."""
     bias_walk: Annotated[float, Field(ge=0, le=1e6)] = 0.001
     """Root intensity of the bias's random walk [rad/s/√s]."""
     attitude_deg: Annotated[float, Field(gt=0, le=180)] = 20.0
@@ -150,13 +152,14 @@ def run(
     L: Array,
     known: Array,
     start: State,
-    numbers: tuple[float, float, float],
+    numbers: tuple[float, float],
+    gyro_noise: Array,
     out: Array,
 ) -> None:
     """Fold updates and predictions over the steps; row i of out (n, 15) is the state before step i.
 
-    The last columns are the diagonal of P_a. Numbers are r², and the intensities of gyroscope and
-    bias.
+    The last columns are the diagonal of P_a. Numbers are r² and the intensity of the bias's
+    walk; that of the gyroscope's noise is of each step, (n,).
     """
     q, beta, P = start
     for i in range(len(h)):
@@ -171,13 +174,13 @@ def run(
             told = h[i] / numbers[0]
             N = information(q, known, i, told)
             q, beta, P, _ = update(q, beta, P, N, so3.scale(-told, s))
-            q, P = predict(q, P, so3.sub(Omega_m, beta), h[i], numbers[1:])
+            q, P = predict(q, P, so3.sub(Omega_m, beta), h[i], (gyro_noise[i], numbers[1]))
 
 
 def estimate(samples: Samples, config: Config) -> Estimates:
     """Estimate attitude and gyroscope bias; the bias survives a restart, the rest starts anew."""
     gains = config.gains
-    numbers = (gains.direction_noise**2, gains.gyro_noise**2, gains.bias_walk**2)
+    numbers = (gains.direction_noise**2, gains.bias_walk**2)
     P = initial_covariance(gains.attitude_deg, gains.bias_deg_s)
     out = np.empty((len(samples.t), COLUMNS + 3))
     beta = np.array(config.initial.bias)
@@ -186,7 +189,8 @@ def estimate(samples: Samples, config: Config) -> Estimates:
         start = (q, so3.as_vector(beta), P)
         L, known = gain_and_known_matrices(samples, part, config.weights)
         h, substeps = steps(samples, part), samples.substeps[part]
-        run(h, substeps, samples.gyro[part], L, known, start, numbers, out[part])
+        noise = turn_noise(samples, part, gains.gyro_noise**2)
+        run(h, substeps, samples.gyro[part], L, known, start, numbers, noise, out[part])
         beta = out[part.stop - 1, 7:10]
     states = {"attitude_std": np.sqrt(np.maximum(out[:, 12:15], 0.0))}
     return estimates("mekf", samples, out, states=states)

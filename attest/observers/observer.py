@@ -17,6 +17,7 @@ from attest.geometry.jit import kernel
 from attest.geometry.mat3 import Matrix
 from attest.geometry.so3 import Quaternion, Vector
 from attest.samples import Samples, mean_rates
+from attest.smoothing.inputs import variance
 
 Array = NDArray[np.float64]
 
@@ -167,6 +168,18 @@ def constant_between(L: Array, i: int, j: int, m: int) -> float:
     following = min(i + 1, len(L) - 1)
     f = j / m
     return float((1.0 - f) * L[i, 9] + f * L[following, 9])
+
+
+def turn_noise(samples: Samples, part: slice, least: float) -> Array:
+    """Return the intensity of the gyroscope's noise over each step of a stretch, rad²/s, (n,).
+
+    A step that had to be divided is one of a log too slow for its motion: what lies between its
+    samples is interpolated, and off by what their second differences tell.
+    """
+    h = np.diff(samples.t[part], append=samples.t[part][-1]) * 1e-9
+    told = variance(h, samples.gyro[part], least**0.5) / np.where(h > 0.0, h, 1.0)
+    slow = (samples.substeps[part] > 1) & (h > 0.0)
+    return np.where(slow, told, least)
 
 
 def gain_matrices(samples: Samples, part: slice, weights: Weights) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 
 from attest.errors import ReadError
 from attest.geometry import quaternion
-from attest.readers import dataflash_scan, dataflash_text
+from attest.readers import dataflash_scan, dataflash_text, gps
 from attest.readers import dataflash_signals as messages
 from attest.readers.dataflash_format import FMT, FMT_FORMAT, Damage, Mask, Scan, text_of
 from attest.readers.dataflash_signals import ATTITUDES, Array, Stream
@@ -55,6 +55,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
     line = timeline([s for group in found.values() for s in group], imu.label, notes)
     if line is None:
         raise ReadError(f"{path}: {imu.label} carries no TimeUS. attest cannot use such a log.")
+    found["GPA"] = messages.streams(scan.tables, "GPA", notes)
     log = _Log(found, line, notes)
     return Recording(
         path=path,
@@ -131,7 +132,7 @@ def _signals(log: _Log, imu: Stream, path: Path) -> dict[str, Signal]:
     found["mag"] = _first(log, sorted(log.streams["MAG"], key=lambda s: -len(s.table)), "mag")
     if found["mag"] is not None:
         log.notes.append(Note("magnetometer as the autopilot corrected it by its own offsets"))
-    found["velocity"] = _velocity(log)
+    found["velocity"] = gps.vetted(_velocity(log), _receivers(log), log.notes)
     found["position"] = _position(log)
     return {name: signal for name, signal in found.items() if signal is not None}
 
@@ -167,6 +168,16 @@ def _velocity(log: _Log) -> Signal | None:
             continue
         return _signal(log, stream, y, held, "velocity")
     return None
+
+
+def _receivers(log: _Log) -> list[gps.Receiver]:
+    found = []
+    for stream in log.streams["GPS"]:
+        same = [speed for speed in log.streams["GPA"] if speed.instance == stream.instance]
+        t, rows = log.line.of(stream, log.notes)
+        accuracy, fix = messages.quality(stream, next(iter(same), None))
+        found.append(gps.Receiver(stream.label, t, fix[rows], accuracy[rows]))
+    return found
 
 
 def _position(log: _Log) -> Signal | None:

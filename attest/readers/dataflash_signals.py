@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from attest.geometry import quaternion
+from attest.readers import gps
 from attest.readers.dataflash_format import Mask, Table
 from attest.recording import Kind, Note
 
@@ -29,6 +30,7 @@ FAMILIES = {
     "ACC": ("ACC", "ACC1", "ACC2", "ACC3"),
     "MAG": ("MAG", "MAG2", "MAG3"),
     "GPS": ("GPS", "GPS2"),
+    "GPA": ("GPA", "GPA2"),
     "XKQ": ("XKQ", "XKQ1", "XKQ2"),
     "NKQ": ("NKQ", "NKQ1", "NKQ2"),
 }
@@ -151,7 +153,26 @@ def velocity(stream: Stream) -> tuple[Array, Mask] | None:
     with np.errstate(invalid="ignore"):
         angle = np.radians(course[:, 0])
         y = np.stack([ground[:, 0] * np.cos(angle), ground[:, 0] * np.sin(angle), ground[:, 1]], 1)
-    return y, fixed(table)
+    return y, np.ones(len(y), np.bool_)
+
+
+def quality(stream: Stream, speed: Stream | None) -> tuple[Array, Mask]:
+    """Return the accuracy of a receiver's speed, m/s, (n,), and whether it has a fix.
+
+    Parameters
+    ----------
+    speed
+        Its messages GPA, which come with those of its place; 0 where they do not tell.
+    """
+    satellites = stream.table.columns.get("NSats", stream.table.columns.get("NSat"))
+    held = fixed(stream.table)
+    if satellites is not None and satellites.dtype.kind in "iu":
+        held &= gps.fixed(np.full(len(held), gps.FIX), satellites)
+    told = None if speed is None else columns(speed.table, ("SAcc",), "m/s")
+    if speed is None or told is None or not len(told):
+        return np.zeros(len(held)), held
+    with_it = np.searchsorted(speed.table.at, stream.table.at)
+    return told[np.minimum(with_it, len(told) - 1), 0], held
 
 
 def position(stream: Stream) -> tuple[Array, Mask] | None:
@@ -167,7 +188,7 @@ def position(stream: Stream) -> tuple[Array, Mask] | None:
 def fixed(table: Table) -> Mask:
     """Whether a receiver knew where it was; what is no receiver does."""
     status = table.columns.get("Status")
-    return np.ones(len(table), np.bool_) if status is None else np.asarray(status >= 3)
+    return np.ones(len(table), np.bool_) if status is None else np.asarray(status >= gps.FIX)
 
 
 def attitude(table: Table) -> tuple[Array, Mask] | None:

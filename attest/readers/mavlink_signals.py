@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from attest.geometry import quaternion
+from attest.readers import gps
 from attest.recording import Kind
 
 Rows = NDArray[np.void]
@@ -22,6 +23,8 @@ G = 9.80665
 """Standard gravity, m/s²."""
 GAUSS = 1e-4
 """Tesla."""
+UNKNOWN = 255
+"""Number of satellites that stands for none known."""
 MOCAP = 6
 """MAV_ESTIMATOR_TYPE_MOCAP."""
 LOCAL_NED, BODY_NED, BODY_FRD, LOCAL_FRD = 1, 8, 12, 20
@@ -62,8 +65,19 @@ def position(name: str, rows: Rows) -> Values:
     y = columns(rows, "lat", "lon", "alt") * [1e-7, 1e-7, 1e-3]
     held = np.any(y[:, :2] != 0.0, axis=1) & np.all(np.abs(y[:, :2]) <= [90.0, 180.0], axis=1)
     if name == "GPS_RAW_INT":
-        held &= rows["fix_type"] >= 3
+        held &= rows["fix_type"] >= gps.FIX
     return y, held
+
+
+def quality(rows: Rows) -> Values:
+    """Return the accuracy of a receiver's speed, m/s, (n,), and whether it has a fix.
+
+    It is zero where it is not told, as with those who send MAVLink 1.
+    """
+    names = rows.dtype.names or ()
+    seen = np.where(rows["satellites_visible"] == UNKNOWN, 0, rows["satellites_visible"])
+    accuracy = rows["vel_acc"] * 1e-3 if "vel_acc" in names else np.zeros(len(rows))
+    return accuracy, gps.fixed(rows["fix_type"], seen)
 
 
 def columns(rows: Rows, *names: str) -> Array:

@@ -99,4 +99,5 @@ def _brought(
     else:
         t = t + np.int64(theirs - ours)
         notes.append(Note(f"{name}: aligned to the log by UTC"))
-    return replace(attitude, t=t, q=q), notes
+    chosen = other.world if other.format == "csv" else None
+    return replace(attitude, t=t, q=q, world=chosen), notes

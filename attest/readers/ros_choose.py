@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from attest.errors import ReadError
+from attest.readers import gps
 from attest.readers.ros_axes import WORLDS, is_tree
 from attest.readers.ros_offers import Offer, is_placeholder
 from attest.recording import Kind, Note
@@ -38,6 +39,10 @@ def usable(offers: Iterable[Offer], notes: list[Note]) -> list[Offer]:
         if offer.empty and len(offer.y):
             text = f"{offer.topic} {offer.role} without a value dropped"
             notes.append(Note(text, offer.empty))
+        if offer.poor:
+            text = f"{offer.topic} {offer.role} no better than {gps.WORST:g} m/s dropped"
+            doubt = offer.poor > 0.1 * (offer.poor + len(offer.y))
+            notes.append(Note(text, offer.poor, doubt))
         if not len(real):
             if len(offer.y):
                 notes.append(Note(f"{offer.topic} {offer.role} without a finite value: not used"))
@@ -132,7 +137,7 @@ def _is_in_world(offer: Offer, gyro: Offer | None, notes: list[Note]) -> bool:
     """Whether a velocity is along the axes of the world, as far as names tell."""
     if offer.axes == "px4":
         return True
-    twist = offer.type.endswith("TwistStamped")
+    twist = offer.type.endswith(("TwistStamped", "TwistWithCovarianceStamped"))
     on_board = ON_BOARD.search(offer.frame.lower()) or (
         gyro is not None and offer.frame == gyro.frame
     )

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from attest.readers import gps
 from attest.readers.ros_decode import Array, Group, Ints, Table, alike
 
 Axes = Literal["rep103", "px4"]
@@ -43,6 +44,8 @@ class Offer:
     axes: Axes = "rep103"
     empty: int = 0
     """Messages that say themselves that they hold no such value."""
+    poor: int = 0
+    """Messages that say themselves that it is too inaccurate to be of use."""
 
 
 def imu(table: Table) -> Iterator[Offer]:
@@ -83,15 +86,25 @@ def odometry(table: Table) -> Iterator[Offer]:
     q = gathered(table, lambda group: quaternions(group, "pose.pose.orientation"))
     speed = gathered(table, lambda group: group.vector("twist.twist.linear"))
     size = np.linalg.norm(q, axis=1)
-    held = (size > 0.5) & (size < 2.0)
-    turned = quaternion.rotate(quaternion.normalize(q[held]), speed[held])
-    offer = _offer(table, "velocity", speed, held)
-    yield replace(offer, y=turned)
+    held, precise = (size > 0.5) & (size < 2.0), _precise(table)
+    good = held & precise
+    turned = quaternion.rotate(quaternion.normalize(q[good]), speed[good])
+    offer = _offer(table, "velocity", speed, good)
+    poor = int((held & ~precise).sum())
+    yield replace(offer, y=turned, empty=offer.empty - poor, poor=poor)
 
 
 def twist(table: Table) -> Iterator[Offer]:
     """Velocity in the world; one in the body is told by its frame."""
     yield _measured(table, "velocity", "twist.linear")
+
+
+def twist_with_covariance(table: Table) -> Iterator[Offer]:
+    """Velocity in the world, as far as it is accurate by its own word."""
+    speed = gathered(table, lambda group: group.vector("twist.twist.linear"))
+    precise = _precise(table)
+    offer = _offer(table, "velocity", speed, precise)
+    yield replace(offer, empty=0, poor=offer.empty)
 
 
 def wrench(table: Table) -> Iterator[Offer]:
@@ -165,6 +178,7 @@ OFFERS: dict[str, Callable[[Table], Iterator[Offer]]] = {
     "geometry_msgs/msg/QuaternionStamped": quaternion_stamped,
     "geometry_msgs/msg/Vector3Stamped": vector,
     "geometry_msgs/msg/TwistStamped": twist,
+    "geometry_msgs/msg/TwistWithCovarianceStamped": twist_with_covariance,
     "geometry_msgs/msg/WrenchStamped": wrench,
     "tf2_msgs/msg/TFMessage": transforms,
     "tf/msg/tfMessage": transforms,
@@ -220,6 +234,18 @@ def _columns(group: Group, paths: tuple[str, ...]) -> Array:
 def _held(table: Table, path: str) -> NDArray[np.bool_]:
     """Mark the messages that do not say, by a covariance of -1, that they hold no value."""
     held: NDArray[np.bool_] = gathered(table, lambda group: group.first(path)) != -1.0
+    return held
+
+
+def _precise(table: Table) -> NDArray[np.bool_]:
+    """Mark the messages whose speed over ground is known; zero covariance is an unknown one.
+
+    The third axis is left out: what drives gives it as unknown, and keeps to the ground.
+    """
+    path = "twist.covariance"
+    covariance = gathered(table, lambda group: group.numbers(path).astype(np.float64)[:, [0, 7]])
+    known = np.nan_to_num(covariance).max(axis=1) <= gps.WORST**2
+    held: NDArray[np.bool_] = known & (covariance[:, 0] != -1.0)
     return held
 
 

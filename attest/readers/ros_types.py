@@ -33,6 +33,7 @@ WANTED = frozenset(
         "geometry_msgs/msg/QuaternionStamped",
         "geometry_msgs/msg/Vector3Stamped",
         "geometry_msgs/msg/TwistStamped",
+        "geometry_msgs/msg/TwistWithCovarianceStamped",
         "geometry_msgs/msg/WrenchStamped",
         "tf2_msgs/msg/TFMessage",
         "tf/msg/tfMessage",

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from attest.errors import ReadError
 from attest.geometry import quaternion
-from attest.readers import mavlink_scan, mavlink_vehicle
+from attest.readers import gps, mavlink_scan, mavlink_vehicle
 from attest.readers import mavlink_signals as messages
 from attest.readers.mavlink import V2, Ints
 from attest.readers.mavlink_scan import Scan, Table
@@ -23,8 +23,9 @@ from attest.recording import Note, Recording, Reference, Signal
 
 VELOCITY = ("LOCAL_POSITION_NED", "GLOBAL_POSITION_INT")
 POSITION = ("GLOBAL_POSITION_INT", "GPS_RAW_INT")
-WANTED = {*INERTIAL, *ATTITUDES, *NOW, *VELOCITY, *POSITION, "SYSTEM_TIME", "HEARTBEAT",
-          "PARAM_VALUE"}  # fmt: skip
+RECEIVERS = ("GPS_RAW_INT", "GPS2_RAW")
+WANTED = {*INERTIAL, *ATTITUDES, *NOW, *VELOCITY, *POSITION, *RECEIVERS, "SYSTEM_TIME",
+          "HEARTBEAT", "PARAM_VALUE"}  # fmt: skip
 
 
 def recognises(head: bytes, path: Path) -> bool:  # noqa: ARG001 (others look at the path)
@@ -129,7 +130,7 @@ def _signals(log: _Log, imu: str, path: Path) -> dict[str, Signal]:
     if imu == "RAW_IMU" and log.vehicle.autopilot not in (None, ARDUPILOT):
         notes.append(Note("RAW_IMU read in ArduPilot's units, but another autopilot sent it: "
                           "it may hold raw counts", doubt=True))  # fmt: skip
-    found["velocity"] = _velocity(log)
+    found["velocity"] = gps.vetted(_velocity(log), _receivers(log), notes)
     for name in POSITION:
         if name in own and found.get("position") is None:
             found["position"] = _signal(log, name, *messages.position(name, own[name].rows))
@@ -162,8 +163,18 @@ def _velocity(log: _Log) -> Signal | None:
     most = max((len(y) for y, _ in found.values()), default=0)
     for name, (y, held) in found.items():
         if len(y) >= 0.9 * most:
-            return _signal(log, name, y, held)
+            return _signal(log, name, y, held, "velocity")
     return None
+
+
+def _receivers(log: _Log) -> list[gps.Receiver]:
+    found = []
+    for name in (name for name in RECEIVERS if name in log.own):
+        table = log.own[name]
+        t, rows = log.line.of(name, table, log.notes)
+        accuracy, fix = messages.quality(table.rows[rows])
+        found.append(gps.Receiver(name, t, fix, accuracy))
+    return found
 
 
 def _signal(

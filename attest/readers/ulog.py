@@ -9,8 +9,8 @@ import numpy as np
 
 from attest.errors import ReadError
 from attest.geometry import quaternion
+from attest.readers import gps, ulog_frames, ulog_tables
 from attest.readers import mavlink_clock as clock
-from attest.readers import ulog_frames, ulog_tables
 from attest.readers import ulog_topics as topics
 from attest.readers.mavlink_clock import SECOND, Times
 from attest.readers.mavlink_timeline import sound_rows
@@ -136,9 +136,7 @@ def _signals(log: _Log, imu: Stream) -> dict[str, Signal]:
     found = {
         "accel": _first(log, [*partner, *rest], topics.ACCEL, "accel"),
         "mag": _first(log, mag, topics.MAG, "mag"),
-        "velocity": _first(
-            log, velocity, dict.fromkeys(topics.VELOCITY, topics.velocity), "velocity"
-        ),
+        "velocity": _velocity(log, velocity),
         "position": _first(
             log, position, dict.fromkeys(topics.POSITION, topics.position), "position"
         ),
@@ -151,6 +149,19 @@ def _signals(log: _Log, imu: Stream) -> dict[str, Signal]:
     if "mag" in signals and signals["mag"].source not in raw:
         log.notes.append(Note("magnetometer as the autopilot corrected it by its calibration"))
     return signals
+
+
+def _velocity(log: _Log, streams: list[Stream]) -> Signal | None:
+    """Return the first velocity that is any good."""
+    for stream in streams:
+        found = _signal(log, stream, topics.velocity(stream), "velocity")
+        accuracy, fix = topics.quality(stream)
+        t = topics.micros(stream) * 1_000
+        row = np.argsort(t, kind="stable")
+        receiver = gps.Receiver(stream.label, t[row], fix[row], accuracy[row])
+        if (good := gps.vetted(found, [receiver], log.notes)) is not None:
+            return good
+    return None
 
 
 def _first(

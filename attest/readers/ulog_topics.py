@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from attest.geometry import quaternion
+from attest.readers import gps
 from attest.recording import Kind
 
 Array = NDArray[np.float64]
@@ -27,8 +28,6 @@ OLDEST_SAMPLE = 1_000_000
 """What is published was measured at most so long before, microseconds."""
 LATEST = 2**50
 """Microseconds since boot that no vehicle lives to see."""
-FIX = 3
-"""Type of a fix in three dimensions."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -171,9 +170,7 @@ def velocity(stream: Stream) -> Values | None:
     """Velocity, north-east-down, m/s, where its maker says that it is valid."""
     if stream.topic in GPS:
         y = _columns(stream, "vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
-        marks = [fixed(stream)]
-        if stream.has("vel_ned_valid"):
-            marks.append(stream.data["vel_ned_valid"] != 0)
+        marks = [stream.data["vel_ned_valid"] != 0] if stream.has("vel_ned_valid") else []
     else:
         y = _columns(stream, "vx", "vy", "vz")
         marks = [stream.data[name] != 0 for name in ("v_xy_valid", "v_z_valid") if stream.has(name)]
@@ -201,8 +198,19 @@ def position(stream: Stream) -> Values | None:
 
 def fixed(stream: Stream) -> Mask:
     """Whether a receiver knew where it was."""
-    kind = stream.data.get("fix_type")
-    return np.zeros(len(stream), np.bool_) if kind is None else np.asarray(kind >= FIX)
+    kind = stream.data.get("fix_type", np.zeros(len(stream)))
+    return gps.fixed(kind, stream.data.get("satellites_used"))
+
+
+def quality(stream: Stream) -> tuple[Array, Mask]:
+    """Return how accurate a velocity is by its maker's word, m/s, (n,), and whether it can be.
+
+    The accuracy is zero where it is not told.
+    """
+    names = ("s_variance_m_s",) if stream.topic in GPS else ("evh", "evv")
+    told = _columns(stream, *names)
+    accuracy = np.zeros(len(stream)) if told is None else np.asarray(told.max(axis=1))
+    return accuracy, fixed(stream) if stream.topic in GPS else np.ones(len(stream), np.bool_)
 
 
 def utc(stream: Stream) -> Ints | None:

@@ -2,7 +2,8 @@
 
     degrade(flight, Degradation(rate={"gyro": 50.0}, gaps=((10.0, 15.0),), drop=0.01))
 
-Each signal is sampled anew, then gets its bias, its noise and its quantum; then samples are lost.
+Each signal is sampled anew, then gets its bias, its noise and its quantum, and fails for a while,
+as GPS does; then samples are lost.
 The truth stays as it was, and a bias that is known as a truth grows by what is added. Amounts are
 in a signal's own units: SI, but degrees for latitude and longitude. What is random is drawn by the
 flight's seed, for each signal apart.
@@ -12,6 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from attest.errors import ConfigError
 from attest.recording import Signal
@@ -28,6 +30,10 @@ _LATEST = 1e9  # s, whose nanoseconds fit into 64 bits
 _LONGEST = 1.5  # of interpolation, in usual steps: across what is longer there is nothing
 
 
+Span = tuple[float, float]
+Jump = tuple[float, float, tuple[float, ...]]
+
+
 @dataclass(frozen=True, slots=True)
 class Degradation:
     """What to do to a flight; signals by name."""
@@ -40,9 +46,15 @@ class Degradation:
     """Standard deviation of normal noise to add to each axis."""
     quantum: Mapping[str, float] = field(default_factory=dict)
     """Step to round to."""
+    jump: Mapping[str, tuple[Jump, ...]] = field(default_factory=dict)
+    """From when, until when, seconds from the first sample, and by what a signal is off then."""
+    stuck: Mapping[str, tuple[Span, ...]] = field(default_factory=dict)
+    """From and until when it stays what it was."""
+    silent: Mapping[str, tuple[Span, ...]] = field(default_factory=dict)
+    """From and until when there is none."""
     drop: float = 0.0
     """Share of the samples that are lost at random, 0 to below 1."""
-    gaps: tuple[tuple[float, float], ...] = ()
+    gaps: tuple[Span, ...] = ()
     """From and until when nothing is received, seconds from the first sample."""
 
 
@@ -62,6 +74,13 @@ def degrade(flight: Flight, how: Degradation) -> Flight:
         flight = add_noise(flight, name, std)
     for name, quantum in how.quantum.items():
         flight = quantise(flight, name, quantum)
+    for name, jumps in how.jump.items():
+        for start, end, offset in jumps:
+            flight = jump(flight, name, (start, end), offset)
+    for name, spans in how.stuck.items():
+        flight = hold(flight, name, spans)
+    for name, spans in how.silent.items():
+        flight = silence(flight, name, spans)
     return lose(drop(flight, how.drop), how.gaps)
 
 
@@ -118,6 +137,32 @@ def quantise(flight: Flight, name: str, quantum: float) -> Flight:
     return _with(flight, name, replace(signal, y=quantum * counts))
 
 
+def jump(flight: Flight, name: str, span: Span, offset: tuple[float, ...]) -> Flight:
+    """Add a constant to a signal for a while."""
+    signal = _signal(flight, name, "jump")
+    axes = signal.y.shape[1]
+    if len(offset) != axes or not all(abs(value) <= LARGEST for value in offset):
+        given = ",".join(f"{value:g}" for value in offset)
+        raise ConfigError(f"jump {name}={given}: not usable. Give {axes} numbers up to 1e12.")
+    during = _during(flight, signal.t, f"jump {name}=", (span,))
+    return _with(flight, name, replace(signal, y=signal.y + np.outer(during, offset)))
+
+
+def hold(flight: Flight, name: str, spans: tuple[Span, ...]) -> Flight:
+    """Let a signal stay what it was for a while."""
+    signal = _signal(flight, name, "stuck")
+    during = _during(flight, signal.t, f"stuck {name}=", spans)
+    last = np.maximum.accumulate(np.where(during, 0, np.arange(len(during))))
+    return _with(flight, name, replace(signal, y=signal.y[last]))
+
+
+def silence(flight: Flight, name: str, spans: tuple[Span, ...]) -> Flight:
+    """Leave out the samples of one signal for a while; its first always arrives."""
+    signal = _signal(flight, name, "silent")
+    heard = ~_during(flight, signal.t, f"silent {name}=", spans) | (signal.t == signal.t[0])
+    return _with(flight, name, replace(signal, t=signal.t[heard], y=signal.y[heard]))
+
+
 def drop(flight: Flight, share: float) -> Flight:
     """Lose a share of the samples at random; signals of one clock are lost together.
 
@@ -139,14 +184,24 @@ def drop(flight: Flight, share: float) -> Flight:
     return replace(flight, signals=signals)
 
 
-def lose(flight: Flight, gaps: tuple[tuple[float, float], ...]) -> Flight:
+def lose(flight: Flight, gaps: tuple[Span, ...]) -> Flight:
     """Receive nothing of any sensor between moments, in seconds from the first sample."""
-    for start, end in gaps:
+    return replace(flight, outages=flight.outages + _spans(flight, "gap ", gaps))
+
+
+def _spans(flight: Flight, what: str, spans: tuple[Span, ...]) -> tuple[tuple[int, int], ...]:
+    """Return nanoseconds of what is in seconds from the first sample of any sensor."""
+    for start, end in spans:
         if not 0.0 <= start < end <= _LATEST:
-            raise ConfigError(f"gap {start:g}:{end:g}: not a span. Give seconds, the lower first.")
+            text = f"{what}{start:g}:{end:g}"
+            raise ConfigError(f"{text}: not a span. Give seconds, the lower first.")
     first = min(int(signal.t[0]) for signal in flight.signals.values() if len(signal.t))
-    spans = tuple((first + round(a * 1e9), first + round(b * 1e9)) for a, b in gaps)
-    return replace(flight, outages=flight.outages + spans)
+    return tuple((first + round(a * 1e9), first + round(b * 1e9)) for a, b in spans)
+
+
+def _during(flight: Flight, t: Times, what: str, spans: tuple[Span, ...]) -> NDArray[np.bool_]:
+    inside = [(a <= t) & (t < b) for a, b in _spans(flight, what, spans)]
+    return np.asarray(np.logical_or.reduce([np.zeros(len(t), np.bool_), *inside]))
 
 
 def _signal(flight: Flight, name: str, what: str) -> Signal:

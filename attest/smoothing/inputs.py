@@ -54,8 +54,12 @@ def _moving(samples: Samples, at: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Tell at which nodes the log's velocity is in what the accelerometer should measure."""
     if "accel" not in samples.names or len(samples.inertial) == 1:
         return np.zeros(len(at), np.bool_)
-    level = np.abs(samples.inertial[at, samples.names.index("accel"), :2])
-    return np.asarray(level.max(axis=1) > 1e-9)
+    return _aided(samples.inertial[at, samples.names.index("accel")])
+
+
+def _aided(expected: Array) -> NDArray[np.bool_]:
+    """Tell where (n,) a velocity is in what the accelerometer should measure: it leans."""
+    return np.asarray(np.abs(expected[:, :2]).max(axis=1) > 1e-9)
 
 
 def log(samples: Samples, least: tuple[float, float]) -> Log:
@@ -78,7 +82,9 @@ def log(samples: Samples, least: tuple[float, float]) -> Log:
         rough = force
         expected = G * samples.inertial[:, i]
         if len(expected) > 1:  # directions, of which neither has the length
-            rough, force = length[:, np.newaxis], G * samples.body[:, i]
+            rough = length[:, np.newaxis]
+            # without a velocity there, what is expected is gravity, and the force is as measured
+            force = np.where(_aided(expected)[:, np.newaxis], G * samples.body[:, i], force)
     if "mag" in names:
         i = names.index("mag")
         length = np.ones(n) if samples.length is None else samples.length[:, i]
@@ -90,9 +96,9 @@ def log(samples: Samples, least: tuple[float, float]) -> Log:
     return Log(
         h=h,
         gyro=np.ascontiguousarray(samples.gyro),
-        turn_noise=_variance(h, samples.gyro, least[0]),
+        turn_noise=variance(h, samples.gyro, least[0]),
         force=force,
-        push_noise=_variance(h, rough[held], least[1]),
+        push_noise=variance(h, rough[held], least[1]),
         expected=np.ascontiguousarray(expected),
         force_valid=np.append(force_valid[:-1] & force_valid[1:], force_valid[-1:]),
         field=field,
@@ -103,7 +109,7 @@ def log(samples: Samples, least: tuple[float, float]) -> Log:
     )
 
 
-def _variance(h: Array, y: Array, least: float) -> Array:
+def variance(h: Array, y: Array, least: float) -> Array:
     """Return the variance of what each step of y (n, j) adds up to, (n,), by least per second.
 
     By second differences, which are of noise, and of motion that is too quick for the log: those of

@@ -1,9 +1,9 @@
 """How quickly the observers step, each against VQF's C++ (9D), in one run.
 
-    python tests/benchmarks/bench_observers.py [NAME...] [--samples 200000] [--rounds 7]
+    python tests/benchmarks/bench_observers.py [NAME...] [--samples 200000] [--rounds 7] [--whole]
 
 All are given the same simulated turning sensor at 100 Hz with noise; prints the median of the time
-per step of each, and of the ratio round by round.
+per step of each, and of the ratio round by round. With ``--whole``, observers condition it as well.
 """
 
 import argparse
@@ -11,12 +11,16 @@ import sys
 import time
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import vqf
 
-from attest import observers
+from attest import conditioning, observers, pipeline
+from attest.config import Configuration
+from attest.estimates import Estimates
 from attest.geometry import quaternion
+from attest.recording import Clock, Recording, Signal
 from attest.samples import Samples
 
 NAMES = [name for name in observers.NAMES if name != "vqf"]
@@ -57,6 +61,26 @@ def samples(t: np.ndarray, gyro: np.ndarray, accel: np.ndarray, mag: np.ndarray)
     )
 
 
+def recording(t: np.ndarray, gyro: np.ndarray, accel: np.ndarray, mag: np.ndarray) -> Recording:
+    """Return the same as a log."""
+    values = {"gyro": gyro, "accel": accel, "mag": 1e-6 * mag}
+    return Recording(
+        path=Path("sensor.csv"),
+        format="csv",
+        signals={name: Signal(t, y, name) for name, y in values.items()},
+        references={},
+        clock=Clock("of the sensor", None),
+        world="enu",
+        body="flu",
+    )
+
+
+def whole(log: Recording, config: Configuration) -> Estimates:
+    """Condition a log and run the observer."""
+    given, _ = conditioning.condition(log, config)
+    return observers.get(config.observer).estimate(given, config)
+
+
 def seconds(call: Callable[[], object]) -> float:
     """Return how long a call takes."""
     began = time.perf_counter()
@@ -70,17 +94,21 @@ def main() -> int:
     parser.add_argument("names", nargs="*", default=NAMES)
     parser.add_argument("--samples", type=int, default=200_000)
     parser.add_argument("--rounds", type=int, default=7)
+    parser.add_argument("--whole", action="store_true", help="with conditioning")
     chosen = parser.parse_args()
     t, gyro, accel, mag = sensor(chosen.samples)
-    given = samples(t, gyro, accel, mag)
+    given, log = samples(t, gyro, accel, mag), recording(t, gyro, accel, mag)
     for name in chosen.names:
         observer = observers.get(name)
         config = observer.config()
-        observer.estimate(given, config)  # compiles
+        estimate = partial(whole, log) if chosen.whole else partial(observer.estimate, given)
+        if chosen.whole:
+            config = pipeline.configure(name)
+        estimate(config)  # compiles
         times = np.array(
             [
                 (
-                    seconds(partial(observer.estimate, given, config)),
+                    seconds(partial(estimate, config)),
                     seconds(lambda: vqf.VQF(0.01).updateBatch(gyro, accel, mag)),
                 )
                 for _ in range(chosen.rounds)

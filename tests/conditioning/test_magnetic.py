@@ -132,5 +132,6 @@ def test_dip_of_a_log_is_the_median_angle_below_the_horizon():
     up = np.broadcast_to([0.0, 0.0, -1.0], (5, 3))
     dips = np.array([0.5, 0.9, 1.0, 1.1, -1.5])
     mag = np.stack([np.cos(dips), 0 * dips, np.sin(dips)], axis=1)
-    assert magnetic.dip_of_log(up, mag) == pytest.approx(0.9)
-    assert magnetic.dip_of_log(up[:0], mag[:0]) is None
+    valid = np.ones(len(up), bool)
+    assert magnetic.dip_of_log(up, mag, valid) == pytest.approx(0.9)
+    assert magnetic.dip_of_log(up, mag, ~valid) is None

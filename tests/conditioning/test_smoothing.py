@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flights import FIELD, G, at, flight, gyro, recording, resting, seen, stamps
+from flights import FIELD, G, at, flight, gyro, recording, resting, seen, stamps, tumbling
 from numpy.testing import assert_allclose
 
 from attest.conditioning import condition, smoothing
@@ -88,6 +88,21 @@ def test_a_field_that_changes_on_the_way_tilts_nothing_and_is_told():
     error, tilt, notes = observed(with_mag(log, change))
     assert tilt.max() < 0.5
     assert error[:6000].max() < 1.5
+    assert "unlike the field before it" in texts(notes)
+
+
+@pytest.mark.parametrize("strength", [0.7, 1.6])
+def test_a_field_that_stays_changed_is_held_off_and_then_accepted(strength):
+    turned = np.deg2rad(30.0)
+    R = np.array([[np.cos(turned), -np.sin(turned), 0.0], [np.sin(turned), np.cos(turned), 0.0]])
+    elsewhere = strength * np.array([*(R[:, :2] @ FIELD[:2]), 0.6 * FIELD[2]])
+    log = flight(duration=400.0)
+    other = seen(tumbling, log.signals["mag"].t, elsewhere)
+    log = with_mag(log, lambda y, s: np.where(s[:, np.newaxis] > 60.0, other.y, y))
+    error, tilt, notes = observed(log)
+    assert tilt.max() < 0.5
+    assert error[: 66 * 100].max() < 10.0
+    assert error[-1] == pytest.approx(30.0, abs=3.0)
     assert "unlike the field before it" in texts(notes)
 
 

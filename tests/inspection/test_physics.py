@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from flights import FIELD, flight, gyro, recording, resting, seen, stamps, tumbling
 
-from attest import inspection, readers, simulation
+from attest import inspection
 from attest.geometry import quaternion
 from attest.inspection import axes
 from attest.recording import Note, Reference, Signal
@@ -18,13 +18,6 @@ FLU = np.diag([1.0, -1.0, -1.0])
 SWAPPED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 CYCLED = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-
-
-@pytest.fixture(scope="module", params=["handheld", "quadcopter", "fixed-wing"])
-def log(request, tmp_path_factory):
-    path = tmp_path_factory.mktemp("logs") / f"{request.param}.csv"
-    simulation.write(path, simulation.simulate(request.param))
-    return readers.read(path)
 
 
 def turned(log, name, matrix):
@@ -157,8 +150,33 @@ def test_wrong_axes_of_the_magnetometer_are_named(log, matrix, fit):
     assert text.startswith("the magnetometer's axes are not those of gyroscope and reference")
     assert f"would fit as {fit}, or the opposite" in text
     # without a third that tells who is right, neither is blamed
-    (text,) = told(turned(without(log), "mag", matrix))
+    (text,) = told(turned(without(log, "accel"), "mag", matrix))
     assert text.startswith("the gyroscope's and the magnetometer's axes are not the same")
+
+
+@pytest.mark.parametrize(
+    ("matrix", "fit"),
+    [
+        (SWAPPED, "(-y, -x, -z)"),
+        (CYCLED, "(z, x, y)"),
+        (MIRRORED, "(-x, -y, z)"),
+        (np.diag([-1.0, 1.0, 1.0]), "(x, -y, -z)"),
+    ],
+)
+def test_wrong_axes_of_an_accelerometer_that_is_moved_about_are_told(log, matrix, fit):
+    (text,) = told(turned(log, "accel", matrix))
+    assert text.startswith("the accelerometer's axes are not those of gyroscope and magnetometer")
+    if "velocity" in log.signals:  # with the reference; an aircraft feels nothing along y
+        assert fit in text or "fixed-wing" in str(log.path)
+        assert not any("axes are" in text for text in told(turned(without(log), "accel", matrix)))
+        return
+    assert text.endswith(f": the accelerometer's would fit as {fit}, or the opposite")
+    # a hand's accelerations average out, so that the gyroscope alone tells
+    (text,) = told(turned(without(log, "mag"), "accel", matrix))
+    assert text.startswith("the gyroscope's and the accelerometer's axes are not the same")
+    (text,) = told(turned(without(log, "mag"), "gyro", matrix))
+    if np.linalg.det(matrix) < 0.0:
+        assert text.startswith("the gyroscope's axes are wrong: they would fit as ")
 
 
 def test_an_inverted_magnetometer_is_told_by_its_dip(log):
@@ -170,10 +188,13 @@ def test_an_inverted_magnetometer_is_told_by_its_dip(log):
 
 @pytest.mark.parametrize("matrix", [-1.0, FLU])
 def test_up_that_is_down_is_told(log, matrix):
-    texts = told(turned(log, "accel", matrix))
-    assert texts[0].startswith("the accelerometer's up is 1")
+    (text, *_) = told(turned(log, "accel", matrix))
+    axes = "axes are not those of gyroscope and magnetometer"
+    assert text.startswith(f"the accelerometer's {'up is 1' if np.isscalar(matrix) else axes}")
     texts = told(replace(turned(without(log, "mag"), "accel", matrix), format="tlog"))
-    if texts:  # a hand turns all ways: that leaves it open
+    if "velocity" not in log.signals:  # a hand turns all ways: its turns tell, or nothing does
+        assert all("axes are not the same" in text for text in texts)
+    else:
         assert texts == ["accel_z is up: the sensor is upside down, inverted, or of other axes"]
 
 

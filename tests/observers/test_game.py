@@ -350,7 +350,7 @@ def test_a_restart_starts_attitude_and_covariance_anew_and_keeps_the_bias():
 
 
 def test_sub_steps_are_the_run_of_a_log_sampled_that_much_finer():
-    observing.assert_sub_steps(game, with_gains(WIDE, game.Gains()))
+    observing.assert_sub_steps(game, with_gains(WIDE, game.Gains()), straight=True)
 
 
 @pytest.mark.parametrize(

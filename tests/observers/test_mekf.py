@@ -16,6 +16,7 @@ from weighted import per_vector, with_gains, with_w
 from attest import config
 from attest.geometry import quaternion, so3
 from attest.observers import mekf
+from attest.observers.observer import turn_noise
 
 WIDE = mekf.Config(
     gains=mekf.Gains(
@@ -230,8 +231,20 @@ def test_a_restart_starts_attitude_and_covariance_anew_and_keeps_the_bias():
     kalman.assert_starts_anew(mekf, WIDE, BETA)
 
 
+def test_a_gyroscope_too_slow_for_its_motion_is_believed_less_where_it_bends():
+    rng = np.random.default_rng(5)
+    gyro = np.where(np.arange(200)[:, np.newaxis] < 150, 0.01, 1.0) * rng.normal(size=(200, 3))
+    U = np.broadcast_to(np.eye(3), (200, 3, 3))
+    slow = observing.sampled(gyro, U, np.eye(3), 0.25, substeps=np.full(200, 25))
+    noise = turn_noise(slow, slice(0, 200), 0.005)
+    assert_allclose(noise[:130], 0.005)
+    assert noise[165:190].min() > 0.05
+    quick = observing.sampled(gyro, U, np.eye(3), 0.01)
+    assert_allclose(turn_noise(quick, slice(0, 200), 0.005), 0.005)
+
+
 def test_sub_steps_are_the_run_of_a_log_sampled_that_much_finer():
-    observing.assert_sub_steps(mekf, WIDE)
+    observing.assert_sub_steps(mekf, WIDE, straight=True)
 
 
 @pytest.mark.parametrize(

@@ -91,6 +91,26 @@ def test_velocity_and_place_of_a_receiver(tmp_path):
     assert none.clock.utc_offset is None
 
 
+@pytest.mark.parametrize("filtered", [False, True])
+def test_velocity_is_taken_while_the_receiver_has_a_good_fix(tmp_path, filtered):
+    log = Log()
+    log.define("GPA", "QBf", "TimeUS,I,SAcc")
+    for t in TIMES:
+        status = 3 if t < 107.99 else 1
+        log.add("IMU", round(t * 1e6), 0, 0.1, 0.2, 0.3, 0.0, 0.0, -9.8)
+        fix = (status, 1000, 2200, 47.4, 8.55, 500.0, 5.0, 90.0, -1.0)
+        log.add("GPS", round(t * 1e6), 0, *fix)
+        log.add("GPA", round(t * 1e6), 0, 3.0 if t < 101.99 else 0.3)
+        if filtered:
+            log.add("XKF1", round(t * 1e6), 0, 10.0, -20.0, 30.0, 1.0, 2.0, 3.0)
+    recording = read(tmp_path, log)
+    source = "XKF1[0]" if filtered else "GPS[0]"
+    assert recording.signals["velocity"].source == source
+    assert_allclose(seconds(recording, "velocity")[[0, -1]], [102.0, 107.96])
+    assert notes(recording)[f"{source} velocity without a 3D fix dropped"] == 50
+    assert notes(recording)[f"{source} velocity no better than 2 m/s dropped"] == 50
+
+
 def test_velocity_and_references_of_the_filter(tmp_path):
     q = quaternion.from_euler(*np.radians([10.0, -20.0, 30.0]))
     more = {"XKF1": (0, 10.0, -20.0, 30.0, 1.0, 2.0, 3.0), "XKQ": (0, *q), "AHR2": (1.0, 2.0, 3.0),

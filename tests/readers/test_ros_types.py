@@ -150,3 +150,21 @@ def test_px4_in_its_own_axes_and_clock(tmp_path):
         assert_allclose(close, 1.0, atol=1e-6)
     assert notes(recording)["/fmu/sensor stamped 19676 days from the recorder's time, steadily: "
                             "moved by that"] == 1  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "type_", ["nav_msgs/msg/Odometry", "geometry_msgs/msg/TwistWithCovarianceStamped"]
+)
+def test_velocity_that_calls_itself_inaccurate_is_dropped(tmp_path, kind, type_):
+    log, said = flight(Log(kind)), np.zeros(36)
+    said[14] = 1e6  # of what keeps to the ground
+    pose = {"pose": {"pose": {"orientation": xyzw(TURN)}}} if "Odometry" in type_ else {}
+    for i, t in enumerate(times()):
+        said[7] = 9.0 if i < 10 else 0.25
+        twist = {"twist": {"linear": xyz(1, 2, 3)}, "covariance": said.copy()}
+        log.add("/velocity", type_, t, frame="map", twist=twist, **pose)
+    recording = read(log, tmp_path)
+    assert len(recording.signals["velocity"].t) == 40
+    assert notes(recording)["/velocity velocity no better than 2 m/s dropped"] == 10
+    assert "/velocity velocity no better than 2 m/s dropped" in doubts(recording)

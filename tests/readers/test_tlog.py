@@ -135,6 +135,36 @@ def test_velocity_and_position(tmp_path):
     assert_allclose(recording.signals["position"].y[0], [48.1234567, 11.2345678, 500])
 
 
+def moving(fix, accuracy=lambda _: 0, **options):
+    """Return a flight whose receiver's fix and accuracy [mm/s] are functions of the seconds."""
+    log = flight(BOOTS)
+    for boot in BOOTS:
+        ms = round(boot * 1e3)
+        log.add(mav.MAVLink_local_position_ned_message(ms, 0, 0, 0, boot, 2.0, 3.0), boot)
+        told = {"satellites_visible": 9, "vel_acc": accuracy(boot)} | options
+        where = (481234567, 112345678, 500_000, 80, 120, 0, 0)
+        log.add(mav.MAVLink_gps_raw_int_message(ms * 1000, fix(boot), *where, **told), boot)
+    return log
+
+
+def test_velocity_of_an_autopilot_is_taken_while_its_receiver_has_a_fix(tmp_path):
+    recording = moving(lambda boot: 3 if boot < 103.95 else 2).read(tmp_path)
+    assert len(recording.signals["velocity"].t) == 40
+    assert notes(recording)["LOCAL_POSITION_NED velocity without a 3D fix dropped"] == 60
+    told = [note.text for note in recording.notes if note.doubt]
+    assert "LOCAL_POSITION_NED velocity without a 3D fix dropped" in told
+    poor = moving(lambda _: 4, lambda boot: 300 if boot < 107.95 else 2500).read(tmp_path)
+    assert len(poor.signals["velocity"].t) == 80
+    assert notes(poor)["LOCAL_POSITION_NED velocity no better than 2 m/s dropped"] == 20
+    unknown = moving(lambda _: 3, satellites_visible=255).read(tmp_path)
+    assert len(unknown.signals["velocity"].t) == 100
+
+
+def test_velocity_of_an_autopilot_that_never_has_a_fix_is_of_something_else(tmp_path):
+    recording = moving(lambda _: 1).read(tmp_path)
+    assert len(recording.signals["velocity"].t) == 100
+
+
 def test_zero_velocity_and_null_island_are_none(tmp_path):
     log = flight(BOOTS)
     for boot in BOOTS:

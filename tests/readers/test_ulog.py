@@ -119,6 +119,31 @@ def test_velocity_is_used_where_it_is_valid(tmp_path):
     assert notes(recording)["vehicle_local_position velocity without a value dropped"] == 10
 
 
+def test_velocity_that_calls_itself_inaccurate_is_dropped(tmp_path):
+    log = Log()
+    log.topics["vehicle_local_position"] += " evh:float evv:float"
+    for i, t in enumerate(flight_times := TIMES[:500]):
+        log.add("sensor_combined", t, 0.1)
+        log.add("vehicle_local_position", t, 1.0, 2.0, 3.0, 1, 1, 0.2, 9.0 if i < 20 else 0.3)
+    recording = read(tmp_path, log)
+    assert_allclose(seconds(recording, "velocity"), flight_times[20:], rtol=0, atol=1e-9)
+    text = "vehicle_local_position velocity no better than 2 m/s dropped"
+    assert notes(recording)[text] == 20
+
+
+def test_velocity_of_a_receiver_needs_a_fix_and_accuracy(tmp_path):
+    log = Log()
+    log.topics["vehicle_gps_position"] += " s_variance_m_s:float satellites_used:uint8_t"
+    for i, t in enumerate(TIMES[:500]):
+        where = (474_000_000, 85_000_000, 500_000, 1.0, 2.0, 3.0, 0)
+        fix, accuracy, satellites = 2 if i < 10 else 3, 4.0 if i < 30 else 0.3, 3 if i < 60 else 9
+        log.add("sensor_combined", t, 0.1)
+        log.add("vehicle_gps_position", t, 0, *where, fix, 1, accuracy, satellites)
+    recording = read(tmp_path, log)
+    assert len(recording.signals["velocity"].t) == 440
+    assert notes(recording)["vehicle_gps_position velocity without a 3D fix dropped"] == 60
+
+
 def test_a_receiver_gives_velocity_place_and_utc(tmp_path):
     log, unix = Log(), 1_700_000_000.0
     for t in TIMES:

@@ -119,6 +119,25 @@ def test_nothing_is_received_in_a_gap(tmp_path):
     assert len(recording.references["ref"].t) == len(QUADCOPTER.t)
 
 
+def test_a_signal_jumps_sticks_and_falls_silent_for_a_while():
+    how = Degradation(
+        jump={"velocity": ((10.0, 11.0, (30.0, 0.0, -2.0)),)},
+        stuck={"velocity": ((20.0, 22.0),)},
+        silent={"velocity": ((30.0, 35.0), (40.0, 41.0))},
+    )
+    before, after = QUADCOPTER.signals["velocity"], degrade(QUADCOPTER, how).signals["velocity"]
+    first = min(signal.t[0] for signal in QUADCOPTER.signals.values())
+    s, was = (after.t - first) * 1e-9, before.y[np.isin(before.t, after.t)]
+    off = (after.y - was)[(s < 20.0) | (s >= 22.0)]
+    during = ((s >= 10.0) & (s < 11.0))[(s < 20.0) | (s >= 22.0)]
+    assert_allclose(off, np.outer(during, [30.0, 0.0, -2.0]), atol=1e-9)
+    held = after.y[(s >= 20.0) & (s < 22.0)]
+    assert_array_equal(held, np.broadcast_to(after.y[s < 20.0][-1], held.shape))
+    assert len(held) > 5
+    assert not np.any((s >= 30.0) & (s < 35.0) | (s >= 40.0) & (s < 41.0))
+    assert np.isin(after.t, before.t).all()
+
+
 def test_a_tlog_takes_what_keeps_its_messages_whole(tmp_path):
     whole = Degradation(
         rate=dict.fromkeys(("gyro", "accel", "mag"), 20.0), drop=0.1, gaps=((5, 6),)
@@ -161,6 +180,10 @@ def test_every_scenario_can_be_degraded_and_is_the_same_again(scenario, simulate
         ({"quantum": {"gyro": float("inf")}}, r"quantum gyro=inf: out of range"),
         ({"bias": {"gyro": (1.0,)}}, r"bias gyro=1: not usable\. Give 3 numbers up to 1e12\."),
         ({"bias": {"v1": (1.0, float("nan"), 0.0)}}, r"bias v1=1,nan,0: not usable"),
+        ({"jump": {"v1": ((5.0, 4.0, (0, 0, 0)),)}}, r"jump v1=5:4: not a span"),
+        ({"jump": {"v1": ((4.0, 5.0, (1,)),)}}, r"jump v1=1: not usable\. Give 3 numbers"),
+        ({"stuck": {"v1": ((-1.0, 4.0),)}}, r"stuck v1=-1:4: not a span"),
+        ({"silent": {"v9": ((1.0, 4.0),)}}, r"silent v9: fts-7\.1 has no such signal"),
         ({"drop": 1.0}, r"drop 1: out of range\. Give a share from 0 to below 1\."),
         ({"drop": float("nan")}, r"drop nan: out of range"),
         ({"gaps": ((5.0, 4.0),)}, r"gap 5:4: not a span\. Give seconds, the lower first\."),

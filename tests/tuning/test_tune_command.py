@@ -95,6 +95,16 @@ def test_quiet_prints_the_yaml_only(printed, log):
             2,
             "--output tuned.txt: name a .yaml file, such as --observer takes.",
         ),
+        (
+            ("--factor", "nan"),
+            2,
+            "Invalid value for '--factor': nan is no number. See `python -m attest tune -h`.",
+        ),
+        (
+            ("--skip", "inf"),
+            2,
+            "Invalid value for '--skip': inf is no number. See `python -m attest tune -h`.",
+        ),
         (("--skip", 1000), 1, "{log}: no reference after the first 1000 s. Lower --skip."),
     ],
 )
@@ -113,6 +123,17 @@ def test_log_without_a_reference_cannot_be_used(tmp_path):
     assert done.stderr == (
         f"attest: {log}: no reference to tune towards. Name a file that has it with --reference.\n"
     )
+
+
+def test_log_that_cannot_be_used_fails_the_command_when_the_others_are_done(log, tmp_path):
+    bad = tmp_path / "bad.tlog"
+    bad.write_bytes(b"nothing of use")
+    other = log.with_name("quadcopter.ulg")
+    done = attest("tune", log, other, bad, *QUICK, "--quiet")
+    assert done.returncode == 1
+    assert "\nobserver: cgo\n" in done.stdout
+    assert done.stderr.startswith(f"attest: 1 of 3 logs could not be used. {bad}: ")
+    assert done.stderr.count("\n") == 1
 
 
 def test_interrupt_leaves_nothing(log, tmp_path):
