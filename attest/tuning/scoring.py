@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from attest import conditioning, evaluation, inspection, observers, pipeline
+from attest import conditioning, evaluation, observers, pipeline
 from attest.config import Configuration
 from attest.errors import ConfigError, ReadError
 from attest.recording import Recording, Reference
@@ -63,8 +63,7 @@ def prepare(path: Path, configuration: Configuration, skip_s: float, *, recondit
     ReadError
         It cannot be used, or has no reference.
     """
-    recording = pipeline.read(path, configuration)
-    reference = evaluation.choose(recording, configuration.evaluation.reference)
+    recording, reference = pipeline.referenced(path, configuration, {}, None)
     if reference is None:
         raise ReadError(
             f"{path}: no reference to tune towards. Name a file that has it with --reference."
@@ -74,7 +73,7 @@ def prepare(path: Path, configuration: Configuration, skip_s: float, *, recondit
         estimates = observers.get(configuration.observer).estimate(samples, configuration)
         _, reference, _ = evaluation.in_time(estimates, reference, configuration.evaluation)
     q_ref = evaluation.interpolated(reference, samples.t, configuration.evaluation)
-    told = [*recording.notes, *inspection.doubts(recording), *notes]
+    told = [*recording.notes, *notes]
     return Log(
         path=path,
         recording=recording if reconditioned else None,
