@@ -69,6 +69,16 @@ def read(log: Path, configuration: Configuration) -> Recording:
     )
 
 
+def referenced(
+    log: Path, configuration: Configuration, timing: dict[str, float], on_stage: OnStage | None
+) -> tuple[Recording, Reference | None]:
+    """Read a log, and choose its reference: a name that is not there is refused before the work."""
+    with _stage("reading", timing, on_stage):
+        recording = _doubted(read(log, configuration))
+    recording = _smoothed(recording, configuration, timing, on_stage)
+    return recording, evaluation.choose(recording, configuration.evaluation.reference)
+
+
 def _smoothed(
     recording: Recording,
     configuration: Configuration,
@@ -126,11 +136,7 @@ def run(log: Path, configuration: Configuration, on_stage: OnStage | None = None
         The configuration does not suit the log.
     """
     timing: dict[str, float] = {}
-    with _stage("reading", timing, on_stage):
-        recording = _doubted(read(log, configuration))
-    recording = _smoothed(recording, configuration, timing, on_stage)
-    # now, so that a name that is not there is refused before the work
-    reference = evaluation.choose(recording, configuration.evaluation.reference)
+    recording, reference = referenced(log, configuration, timing, on_stage)
     with _stage("conditioning", timing, on_stage):
         conditioned = conditioning.condition(recording, configuration)
     result = _observe(recording, conditioned, reference, configuration, timing, on_stage)
@@ -158,11 +164,7 @@ def compare(
     """
     _refuse_unlike(configurations)
     first, reading = next(iter(configurations.values())), dict[str, float]()
-    with _stage("reading", reading, on_stage):
-        recording = _doubted(read(log, first))
-    recording = _smoothed(recording, first, reading, on_stage)
-    # now, so that a name that is not there is refused before the work
-    reference = evaluation.choose(recording, first.evaluation.reference)
+    recording, reference = referenced(log, first, reading, on_stage)
     conditioned: dict[str, Conditioned] = {}
     results: list[Result] = []
     failed: dict[str, str] = {}
@@ -209,10 +211,8 @@ def _conditioned_by(configuration: Configuration) -> str:
 
 def _compile(samples: Samples, configuration: Configuration) -> None:
     """Run the observer over a few steps, so that its compilation is not counted as its time."""
-    n, named = (
-        len(samples.t),
-        {field.name: getattr(samples, field.name) for field in fields(samples)},
-    )
+    n = len(samples.t)
+    named = {field.name: getattr(samples, field.name) for field in fields(samples)}
     few: dict[str, Any] = {
         name: values[:FEW]
         for name, values in named.items()

@@ -5,12 +5,19 @@ from typing import Any
 
 import click
 
-from attest.cli.options import assignments_option, chosen, vehicle_option, world_option
+from attest.cli.options import (
+    assignments_option,
+    chosen,
+    refuse_no_yaml,
+    vehicle_option,
+    world_option,
+)
 
 EPILOG = """\b
 Examples:
   attest calibrate tumbling.tlog
   attest calibrate tumbling.tlog --output mine.yaml && attest run flight.tlog --observer mine.yaml
+  attest calibrate tumbling.tlog --observer own.yaml --output mine.yaml
   attest calibrate flight.bin --start 10 --end 200 --json
 """
 
@@ -18,7 +25,11 @@ Examples:
 @click.command(epilog=EPILOG)
 @click.argument("log", metavar="LOG")
 @click.option(
-    "--observer", "-o", default="fts", metavar="NAME|FILE.yaml", help="Observer to be run with it."
+    "--observer",
+    "-o",
+    default="fts",
+    metavar="NAME|FILE.yaml",
+    help="Observer, or YAML, to go with.",
 )
 @assignments_option
 @world_option
@@ -47,12 +58,15 @@ def calibrate(
     from attest.files import replacing
     from attest.writers.json import to_json
 
+    refuse_no_yaml(output)
     configuration = pipeline.configure(
         observer, [*chosen({"reference": None, **choices}), *assignments]
     )
     found = conditioning.calibrate(pipeline.read(Path(log), configuration), configuration)
-    document = {"log": log, "observer": configuration.observer, **found}
-    text = report.text_of_calibration(document)
+    # what chooses the data is left out of what is written: another log has other names
+    made = conditioning.calibrated(pipeline.configure(observer, assignments), found)
+    document = {"log": log, "observer": made.observer, **found}
+    text = report.text_of_calibration(document, made)
     if output is not None:
         with replacing(output) as part:
             part.write_text(text, encoding="utf-8", errors="backslashreplace")

@@ -7,6 +7,8 @@ from typing import Any, TypeVar
 
 import click
 
+from attest.errors import ConfigError
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 quiet_option = click.option("--quiet", "-q", is_flag=True, help="Print errors only.")
@@ -67,3 +69,9 @@ def chosen(choices: Mapping[str, Any]) -> Iterator[str]:
     for name, key in keys.items():
         if choices[name] is not None:
             yield f"{key}={json.dumps(choices[name])}"
+
+
+def refuse_no_yaml(output: Path | None) -> None:
+    """Refuse a file for a configuration that ``--observer`` would not take."""
+    if output is not None and output.suffix.lower() not in {".yaml", ".yml"}:
+        raise ConfigError(f"--output {output}: name a .yaml file, such as --observer takes.")

@@ -16,9 +16,10 @@ from attest.cli.options import (
     log_options,
     observer_option,
     quiet_option,
+    refuse_no_yaml,
 )
 from attest.cli.progress import progress
-from attest.errors import ConfigError, ReadError
+from attest.errors import ReadError
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -125,8 +126,7 @@ def tune(
     from attest.files import replacing
     from attest.writers.json import to_json
 
-    if output is not None and output.suffix.lower() not in {".yaml", ".yml"}:
-        raise ConfigError(f"--output {output}: name a .yaml file, such as --observer takes.")
+    refuse_no_yaml(output)
     configuration = pipeline.configure(observer, [*chosen(choices), *assignments])
     plan = tuning.Plan(**{field.name: choices[field.name] for field in fields(tuning.Plan)})
     found = find_logs(logs, configuration.input.csv)

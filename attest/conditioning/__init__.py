@@ -4,7 +4,7 @@ One timeline at the gyroscope's stamps; each measured vector brought there by th
 known vector found for the log's place, date and motion.
 """
 
-from attest.conditioning.calibrate import calibrate
+from attest.conditioning.calibrate import calibrate, calibrated
 from attest.conditioning.condition import condition
 
-__all__ = ["calibrate", "condition"]
+__all__ = ["calibrate", "calibrated", "condition"]

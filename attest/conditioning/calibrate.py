@@ -1,7 +1,8 @@
 """What a log tells of its sensors' own errors, as a document and as configuration."""
 
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +14,20 @@ from attest.conditioning.magnetometer import timed, vertical
 from attest.conditioning.measured import usable
 from attest.conditioning.timeline import Timeline, apart, restarts, substeps_of
 from attest.conditioning.timeline import gyroscope as cut_gyroscope
-from attest.config import Accelerometer, Conditioning, Configuration, Gyroscope
+from attest.config import (
+    Accelerometer,
+    Conditioning,
+    Configuration,
+    Gyroscope,
+    effective,
+    validate,
+)
 from attest.recording import Recording
 
 Array = NDArray[np.float64]
+C = TypeVar("C", bound=Configuration)
 
-KNOWN = 0.5
+KNOWN = 0.1
 """Share of a deviation of before, below which something is known."""
 
 
@@ -49,10 +58,26 @@ def calibrate(recording: Recording, config: Configuration) -> dict[str, Any]:
     return {"sensors": found, "configuration": {"conditioning": keys}}
 
 
+def calibrated(config: C, found: Mapping[str, Any]) -> C:
+    """Return a configuration with the keys that `calibrate` found, and all else as it is."""
+    document = effective(config)
+    for name, keys in found["configuration"]["conditioning"].items():
+        document["conditioning"][name] |= keys
+    return validate(type(config), document, config.observer)
+
+
 def _afresh(config: Conditioning) -> Conditioning:
     """Return the conditioning without what it is told of errors."""
-    gyro = config.gyroscope.model_copy(
-        update={"correct": True, "bias": Gyroscope().bias, "scale": Gyroscope().scale}
+    unknown, given = Gyroscope(), config.gyroscope
+    gyro = given.model_copy(
+        update={
+            "correct": True,
+            "bias": unknown.bias,
+            "scale": unknown.scale,
+            # small ones are of the bias and scale that are left aside
+            "bias_std": max(unknown.bias_std, given.bias_std),
+            "scale_std": max(unknown.scale_std, given.scale_std),
+        }
     )
     mag = config.magnetometer.model_copy(update={"calibrate": "auto"})
     update = {"gyroscope": gyro, "accelerometer": Accelerometer(), "magnetometer": mag}
@@ -68,14 +93,20 @@ def _gyroscope(known: Array | None, config: Conditioning) -> dict[str, Any]:
     keys: dict[str, Any] = {}
     told = []
     if (std[:3] < KNOWN * prior.bias_std).all():
-        keys["bias"] = _plain(bias, 6)
+        keys |= {"bias": _plain(bias, 6), "bias_std": _most(std[:3])}
         told.append(f"bias {_spell(np.rad2deg(bias), np.rad2deg(std[:3]), 2)} °/s at the end")
     else:
         told.append("bias not told, for want of rest and of turns")
-    if (std[3:] < KNOWN * prior.scale_std).any():
-        keys["scale"] = _plain(scale, 6)
+    sure = (std[3:] < KNOWN * prior.scale_std).reshape(3, 3)
+    if sure.any():
+        # an entry that this log hardly tells would be noise in another
+        scale = np.where(sure, scale, 0.0)
+        keys |= {"scale": _plain(scale, 6), "scale_std": _most(std[3:])}
         diagonal = 100.0 * np.diag(scale), 100.0 * np.diag(std[3:].reshape(3, 3))
-        told.append(f"scale {_spell(*diagonal, 2)} %, misalignment up to {_aside(scale):.2f} %")
+        told.append(
+            f"scale {_spell(*diagonal, 2)} %, misalignment up to {_aside(scale):.2f} %, "
+            f"{sure.sum()} of 9 known and the others zero"
+        )
     else:
         told.append("scale and misalignment not told, for want of turns")
     deviations = {"bias_std": _plain(std[:3], 6), "scale_std": _plain(std[3:].reshape(3, 3), 6)}
@@ -131,6 +162,11 @@ def _iron(verdict: Verdict) -> dict[str, Any]:
 
 def _plain(values: Array, digits: int) -> Any:
     return (np.round(values, digits) + 0.0).tolist()  # without a negative zero
+
+
+def _most(deviations: Array) -> float:
+    """Return the largest deviation: there is one key for all."""
+    return round(float(deviations.max()), 6)
 
 
 def _spell(values: Array, deviations: Array, digits: int) -> str:

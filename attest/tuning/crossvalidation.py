@@ -103,7 +103,7 @@ def _prepared(
             logs.append(log)
     if not logs:
         raise ReadError(f"none of {len(paths)} logs can be used. {next(iter(failed.values()))}")
-    return tuple(logs), failed
+    return scoring.doubted_copies(logs), failed
 
 
 def _task(logs: tuple[Log, ...], plan: Plan) -> tuple[Task, list[str]]:

@@ -74,9 +74,15 @@ class Tuned:
     """How many were run."""
 
     @property
+    def nearer(self) -> int:
+        """In how many folds tuning made the held-back error less."""
+        return sum(fold.error.tuned < fold.error.start for fold in self.folds)
+
+    @property
     def worthwhile(self) -> bool:
-        """Whether tuning made the held-back error less."""
-        return self.held_back.tuned < (1.0 - WORTH) * self.held_back.start
+        """Whether tuning made the held-back error less, together and in most folds."""
+        less = self.held_back.tuned < (1.0 - WORTH) * self.held_back.start
+        return less and 2 * self.nearer > len(self.folds)
 
     def configuration(self, start: Configuration) -> Configuration:
         """Return a configuration with the tuned values, or as it is where they are not worth it."""

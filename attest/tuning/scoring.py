@@ -5,13 +5,14 @@ Each log is read once. Conditioned samples are kept as well, unless keys of cond
 A log's samples are of a block each; a part is a union of blocks: all of them, all but one, or one.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from attest import conditioning, evaluation, inspection, observers, pipeline
+from attest import conditioning, evaluation, observers, pipeline
 from attest.config import Configuration
 from attest.errors import ConfigError, ReadError
 from attest.recording import Recording, Reference
@@ -22,6 +23,8 @@ Array = NDArray[np.float64]
 METRICS = ("total", "heading", "inclination")
 NOWHERE = -1
 """The block of a sample that is not scored."""
+ALIKE = 0.1
+"""Share of the spread of the angular speed by which one flight may differ from log to log."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,20 +64,23 @@ def prepare(path: Path, configuration: Configuration, skip_s: float, *, recondit
     Raises
     ------
     ReadError
-        It cannot be used, or has no reference.
+        It cannot be used, has no reference, or no direction that gains could weigh.
     """
-    recording = pipeline.read(path, configuration)
-    reference = evaluation.choose(recording, configuration.evaluation.reference)
+    recording, reference = pipeline.referenced(path, configuration, {}, None)
     if reference is None:
         raise ReadError(
             f"{path}: no reference to tune towards. Name a file that has it with --reference."
         )
     samples, notes = conditioning.condition(recording, configuration)
+    if not samples.valid.any():
+        raise ReadError(
+            f"{path}: no direction beside the gyroscope, so that no gain matters. Leave it out."
+        )
     if configuration.evaluation.apply_time_offset:
         estimates = observers.get(configuration.observer).estimate(samples, configuration)
         _, reference, _ = evaluation.in_time(estimates, reference, configuration.evaluation)
     q_ref = evaluation.interpolated(reference, samples.t, configuration.evaluation)
-    told = [*recording.notes, *inspection.doubts(recording), *notes]
+    told = [*recording.notes, *notes]
     return Log(
         path=path,
         recording=recording if reconditioned else None,
@@ -96,6 +102,30 @@ def _scored(path: Path, samples: Samples, q_ref: Array, skip_s: float) -> NDArra
     if not scored.any():
         raise ReadError(f"{path}: no reference after the first {skip_s:g} s. Lower --skip.")
     return scored
+
+
+def doubted_copies(logs: Sequence[Log]) -> tuple[Log, ...]:
+    """Add to the doubts of a log that it is of the same flight as one before it."""
+    return tuple(_doubted(log, logs[:i]) for i, log in enumerate(logs))
+
+
+def _doubted(log: Log, others: Sequence[Log]) -> Log:
+    same = next((other for other in others if _same_flight(other, log)), None)
+    if same is None:
+        return log
+    doubt = f"the same flight as {same.path.name}: held back, it is known by that one"
+    return replace(log, doubts=(*log.doubts, doubt))
+
+
+def _same_flight(one: Log, other: Log) -> bool:
+    """Whether two logs, on whatever clocks and axes, last equally long and turn alike."""
+    a, b = one.samples, other.samples
+    length = int(np.ptp(a.t))
+    if len(a.t) != len(b.t) or abs(int(np.ptp(b.t)) - length) * len(a.t) > length:
+        return False
+    speed = np.linalg.norm(a.gyro, axis=1)
+    apart = np.std(speed - np.linalg.norm(b.gyro, axis=1))
+    return bool(apart < ALIKE * np.std(speed))
 
 
 def in_time(log: Log, count: int) -> NDArray[np.int64]:

@@ -15,6 +15,8 @@ AUTOPILOT = "an autopilot's attitude is not truth: what is tuned towards it beco
 
 BORDER = 1e-3
 """Share of a key's range in which a value is at its end."""
+UNLIKE = 10.0
+"""Ratio of a key's values between folds over which it is doubted."""
 
 
 def yaml_of_tuning(tuned: Tuned, configuration: Configuration) -> str:
@@ -125,16 +127,22 @@ def _row(name: str, errors: Errors) -> str:
 
 
 def _verdict(tuned: Tuned) -> str:
-    better = sum(fold.error.tuned < fold.error.start for fold in tuned.folds)
-    said = f"what was held back is nearer in {better} of {len(tuned.folds)} folds"
+    better, folds = tuned.nearer, len(tuned.folds)
+    said = f"what was held back is nearer in {better} of {folds} folds"
     if tuned.worthwhile:
         return f"Tuning is worthwhile: {said}. These are the tuned values."
-    return f"Tuning is NOT worthwhile: {said}, and not by 1 % in all. The starting values are kept."
+    said += ", and not by 1 % in all" if 2 * better > folds else ", which is not most of them"
+    return f"Tuning is NOT worthwhile: {said}. The starting values are kept."
 
 
 def _warnings(tuned: Tuned) -> Iterator[str]:
     if any(log.reference.kind == "autopilot" for log in tuned.logs):
         yield AUTOPILOT
+    for i, knob in enumerate(tuned.knobs):
+        found = sorted(fold.values[i] for fold in tuned.folds)
+        if found[-1][0] > UNLIKE * found[0][0]:
+            low, high = _shown(found[0]), _shown(found[-1])
+            yield f"{knob.key} is {low} to {high} between the folds: the data do not tell it"
     for path, reason in tuned.failed.items():
         yield f"left out: {reason if path in reason else f'{path}: {reason}'}"
     for log in tuned.logs:

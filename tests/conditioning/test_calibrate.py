@@ -10,9 +10,10 @@ from click.testing import CliRunner
 from flights import SECOND, START, G, flight, gyro, recording, resting, seen, stamps, tumbling
 from numpy.testing import assert_allclose
 
-from attest import config
+from attest import config, pipeline
 from attest.cli import cli
-from attest.conditioning import attitudes, calibrate, condition
+from attest.conditioning import attitudes, calibrate, calibrated, condition
+from attest.conditioning.calibrate import _gyroscope
 from attest.observers import fts
 from attest.recording import Signal
 from attest.report import text_of_calibration
@@ -82,6 +83,39 @@ def test_what_is_configured_is_found_anew():
     assert calibrate(log, fts.Config(conditioning=known)) == calibrate(log, fts.Config())
 
 
+def test_a_calibration_is_found_anew_whatever_its_certainty():
+    log = flight(resting, duration=30.0, bias=(0.01, -0.02, 0.005))
+    before = calibrated(fts.Config(), calibrate(log, fts.Config()))
+    assert before.conditioning.gyroscope.bias_std < 0.003
+    assert calibrate(log, before) == calibrate(log, fts.Config())
+
+
+def test_what_is_written_is_known_to_run_from_the_start():
+    log = flight(resting, duration=30.0, bias=(0.01, -0.02, 0.005))
+    made = calibrated(fts.Config(), calibrate(log, fts.Config()))
+    samples, _ = condition(log, made)
+    assert_allclose(
+        samples.bias, np.broadcast_to((0.01, -0.02, 0.005), (len(samples.t), 3)), atol=1e-4
+    )
+
+
+def test_only_what_is_known_of_the_gyroscope_is_written():
+    prior = config.Conditioning()
+    std = np.concatenate([np.full(3, 0.0002), np.full(9, 0.003)])
+    x = np.concatenate([np.full(3, 0.01), np.full(9, 0.002)])
+    assert _gyroscope(np.array([x, std]), prior)["configuration"] == {
+        "bias": [0.01, 0.01, 0.01],
+        "bias_std": 0.0002,
+    }
+    std[0], std[[3, 8]] = np.deg2rad(0.25), 0.0003
+    found = _gyroscope(np.array([x, std]), prior)
+    assert found["configuration"] == {
+        "scale": [[0.002, 0.0, 0.0], [0.0, 0.0, 0.002], [0.0, 0.0, 0.0]],
+        "scale_std": 0.003,
+    }
+    assert "2 of 9 known and the others zero" in found["told"]
+
+
 def test_a_known_bias_is_taken_off_from_the_start():
     log = flight(bias=(0.01, -0.02, 0.005))
     for correct in (True, False):
@@ -122,10 +156,12 @@ def test_a_log_of_a_gyroscope_alone_tells_nothing():
         "accelerometer": "not told: the log has none, or too little of it",
         "magnetometer": "not told: the log has none",
     }
-    text = text_of_calibration({"log": "a.csv", "observer": "fts", **found})
-    assert text.endswith(
-        "# Nothing of it is to be applied: the observer is as it was\nobserver: fts\n"
-    )
+    own = fts.Config(gains=fts.Gains(k_p=0.9))
+    assert calibrated(own, found) == own
+    text = text_of_calibration({"log": "a.csv", **found}, own)
+    nothing = "# Nothing of it is to be applied: the configuration is as it was\nobserver: fts\n"
+    assert nothing in text
+    assert text.endswith(config.dump(own))
 
 
 def test_a_magnetometer_alone_beside_the_gyroscope_is_calibrated():
@@ -148,9 +184,44 @@ def test_the_command_writes_yaml_that_run_takes(tmp_path, sample_logs):
     assert done.stdout == output.read_text()
     assert done.stdout.startswith("# Sensors of ")
     assert "as far as it tells them\n# gyroscope: bias +1.13 ± 0.02, " in done.stdout
-    document = yaml.safe_load(done.stdout)
-    assert list(document) == ["observer", "conditioning"]
+    gyroscope = yaml.safe_load(done.stdout)["conditioning"]["gyroscope"]
+    assert_allclose(np.rad2deg(gyroscope["bias"]), [1.13, -0.87, 0.57], atol=0.005)
+    assert gyroscope["bias_std"] < 0.001
     assert CliRunner().invoke(cli, ["config", "check", str(output)]).exit_code == 0
+
+
+OWN = """
+observer: fts
+gains: {k_p: 0.9}
+conditioning: {smoothing: {accel_s: 1.5}, magnetometer: {disturbance: 0.3}}
+"""
+
+
+@pytest.mark.parametrize("observer", [OWN, "paper/fts", "vqf", "smoother"])
+def test_the_yaml_is_the_one_it_was_made_from_and_the_calibration(tmp_path, sample_logs, observer):
+    own, output = tmp_path / "own.yaml", tmp_path / "mine.yaml"
+    own.write_text(OWN)
+    name = str(own) if observer is OWN else observer
+    log, more = str(sample_logs / "quadcopter.tlog"), "conditioning.max_age_s=0.5"
+    arguments = [log, "-o", name, "--set", more, "--end", "40", "--output", str(output), "--json"]
+    done = CliRunner().invoke(cli, ["calibrate", *arguments])
+    assert done.exit_code == 0, done.output
+    made = config.effective(pipeline.configure(str(output)))
+    keys = json.loads(done.stdout)["configuration"]["conditioning"]
+    assert list(keys) == ["gyroscope"]
+    assert made["conditioning"]["gyroscope"].items() >= keys["gyroscope"].items()
+    given = config.effective(pipeline.configure(name, [more]))
+    given["conditioning"]["gyroscope"] |= keys["gyroscope"]
+    assert made == given
+
+
+def test_the_command_refuses_what_run_would_not_take(sample_logs, tmp_path):
+    output = str(tmp_path / "mine.txt")
+    log = str(sample_logs / "quadcopter.tlog")
+    done = CliRunner().invoke(cli, ["calibrate", log, "--output", output])
+    assert str(done.exception) == (
+        f"--output {output}: name a .yaml file, such as --observer takes."
+    )
 
 
 def test_the_command_speaks_json(sample_logs):

@@ -67,6 +67,18 @@ def test_json_has_each_fold(log):
     assert document["configuration"]["input"]["start_s"] is None
 
 
+def test_smoother_is_a_reference_as_in_run_and_said_to_be_no_truth(log, tmp_path):
+    done = attest("tune", log, "-o", "cgo", "--generations", 1, "--reference", "smoother", "--json")
+    assert (done.returncode, done.stderr) == (0, "")
+    document = json.loads(done.stdout)
+    (used,) = document["logs"]
+    assert (used["reference"], used["kind"]) == ("smoother", "smoother")
+    assert any(doubt.endswith("not independent, not truth") for doubt in used["doubts"])
+    run = attest("run", log, "-o", "cgo", "--reference", "smoother", "--output", tmp_path, "--json")
+    rmse = json.loads(run.stdout)["metrics"]["total"]["rmse"]
+    assert document["rmse_deg"]["all"]["start"] == pytest.approx(rmse, rel=1e-6)
+
+
 def test_quiet_prints_the_yaml_only(printed, log):
     done = attest("tune", log, *QUICK, "--quiet")
     assert (done.stdout, done.stderr) == (printed.stdout, "")
