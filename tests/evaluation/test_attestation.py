@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from flights import samples
+from scipy.stats import chi2
 
 from attest import evaluation
 from attest.config import Evaluation
@@ -128,8 +129,16 @@ def test_the_noise_bound_of_the_corollary_is_that_of_its_inequality():
     assert broken.holds is False
 
 
-@pytest.mark.parametrize(("believed", "holds"), [(1.0, True), (0.3, False), (5.0, True)])
-def test_the_covariance_is_compared_with_the_error(believed, holds):
+@pytest.mark.parametrize(
+    ("believed", "holds", "size"),
+    [
+        (1.0, True, "about right"),
+        (0.3, False, "too small"),
+        (0.6, False, "too small"),
+        (5.0, True, "larger than need be"),
+    ],
+)
+def test_the_covariance_is_compared_with_the_error(believed, holds, size):
     rng = np.random.default_rng(3)
     sigma = 0.02 * np.array([1.0, 2.0, 3.0])
     q = quaternion.exp(sigma * rng.normal(size=(N, 3)))
@@ -141,6 +150,9 @@ def test_the_covariance_is_compared_with_the_error(believed, holds):
     metrics, _ = evaluation.evaluate(given, found, truth, Evaluation())
     told = claim(attested(given, found, metrics), "covariance")
     assert told.holds is holds
-    assert told.value == pytest.approx(3.0 / believed**2, rel=0.15)
+    share = chi2(3).cdf(7.815 * believed**2)
+    assert told.value == pytest.approx(share, abs=0.05)
+    assert told.seen.startswith(f"{told.value:.1%} are; the mean of eᵀP⁻¹e is ")
+    assert told.seen.endswith(f", and 3 where the covariance is exact: it is {size}")
     autopilot, _ = evaluation.evaluate(given, found, replace(truth, kind="autopilot"), Evaluation())
     assert not any("covariance" in c.statement for c in attested(given, found, autopilot))
