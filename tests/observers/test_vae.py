@@ -96,9 +96,9 @@ def test_a_step_is_eqs_11_and_20_as_it_vanishes(case, omega, k, w, g):
 
 
 def root(F, near):
-    begin = np.where(np.abs(near) < 1e-12, 0.0, near)  # its steps are in units of the start
-    found, *_ = fsolve(F, begin, xtol=1e-13, full_output=True)  # does not warn of rounding
-    return found
+    far = 10.0  # its steps are in units of where it is, which must not be close to nought
+    solved, *_ = fsolve(lambda x: F(x - far), near + far, xtol=1e-14, full_output=True)
+    return solved - far  # the full output does not warn of rounding
 
 
 @settings(max_examples=100)
