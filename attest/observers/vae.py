@@ -61,11 +61,11 @@ class Gains(Section):
 
     theorem = "[VAE, Theorem 3.1]"
 
-    m: Positive = 5.0
+    m: Positive = 0.22
     """Inertia of omega; less follows changes quicker."""
-    D: tuple[Positive, Positive, Positive] = (20.0, 20.0, 20.0)
+    D: tuple[Positive, Positive, Positive] = (4.5, 4.5, 4.5)
     """Diagonal of the dissipation; more follows the vectors less, the gyroscope more."""
-    P: tuple[Positive, Positive, Positive] = (1000.0, 1000.0, 1000.0)
+    P: tuple[Positive, Positive, Positive] = (2900.0, 2900.0, 2900.0)
     """Diagonal of the bias's inertia; more changes the bias slower."""
     Phi: Literal["linear", "logarithmic", "quadratic"] = "linear"
     """Potential of Wahba's cost x: x, ln(1 + x) (large residuals count less), x + x²/2 (more)."""
