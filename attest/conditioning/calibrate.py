@@ -19,9 +19,11 @@ from attest.config import (
     Conditioning,
     Configuration,
     Gyroscope,
+    PointsConfiguration,
     effective,
     validate,
 )
+from attest.errors import ConfigError
 from attest.recording import Recording
 
 Array = NDArray[np.float64]
@@ -41,15 +43,23 @@ def calibrate(recording: Recording, config: Configuration) -> dict[str, Any]:
     ------
     ReadError
         The log has no gyroscope, or too little of it.
+    ConfigError
+        The observer takes feature points, and none of these sensors.
     """
+    if isinstance(config, PointsConfiguration):
+        raise ConfigError(
+            f"{config.observer}: takes feature points, and no sensor that a log tells of. Choose "
+            "another observer."
+        )
     how = _afresh(config.conditioning)
     gyro, _ = cut_gyroscope(recording, config)
     restart, _ = restarts(recording, gyro.t, how)
     substeps, _ = substeps_of(gyro.t, restart, how.max_step_s)
     rates, _ = gyroscope.rates(recording, gyro, restart, substeps, how)
     still = gyroscope.resting(recording, gyro, restart)
+    why = gyroscope.unfit(recording, gyro, gyroscope.steps(gyro, restart), how.max_step_s)
     found = {
-        "gyroscope": _gyroscope(rates.known, how),
+        "gyroscope": _gyroscope(rates.known, how, why or "for want of turns"),
         "accelerometer": _accelerometer(None if still is None else attitudes.find(*still)),
     }
     recording, line = apart(recording, replace(gyro, y=rates.at), rates.mean, restart)
@@ -84,7 +94,7 @@ def _afresh(config: Conditioning) -> Conditioning:
     return config.model_copy(update=update)
 
 
-def _gyroscope(known: Array | None, config: Conditioning) -> dict[str, Any]:
+def _gyroscope(known: Array | None, config: Conditioning, why: str) -> dict[str, Any]:
     if known is None:
         return {"told": "not told: the log has no accelerometer that tells rest or gravity"}
     x, std = known
@@ -96,7 +106,7 @@ def _gyroscope(known: Array | None, config: Conditioning) -> dict[str, Any]:
         keys |= {"bias": _plain(bias, 6), "bias_std": _most(std[:3])}
         told.append(f"bias {_spell(np.rad2deg(bias), np.rad2deg(std[:3]), 2)} °/s at the end")
     else:
-        told.append("bias not told, for want of rest and of turns")
+        told.append(f"bias not told, for want of rest, and {why}")
     sure = (std[3:] < KNOWN * prior.scale_std).reshape(3, 3)
     if sure.any():
         # an entry that this log hardly tells would be noise in another
@@ -108,7 +118,7 @@ def _gyroscope(known: Array | None, config: Conditioning) -> dict[str, Any]:
             f"{sure.sum()} of 9 known and the others zero"
         )
     else:
-        told.append("scale and misalignment not told, for want of turns")
+        told.append(f"scale and misalignment not told, {why}")
     deviations = {"bias_std": _plain(std[:3], 6), "scale_std": _plain(std[3:].reshape(3, 3), 6)}
     return {"told": "; ".join(told), **deviations} | ({"configuration": keys} if keys else {})
 

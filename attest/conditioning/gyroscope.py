@@ -58,7 +58,7 @@ def rates(
     divided = (substeps > 1) | np.append(restart[1:], True)
     mean[divided] = 0.5 * (at[divided] + over[divided])
     over[divided] = at[divided]
-    frame.cone(_steps(gyro, restart), at, divided, over, mean)
+    frame.cone(steps(gyro, restart), at, divided, over, mean)
     return replace(corrected, over=over, mean=mean), notes
 
 
@@ -73,7 +73,7 @@ def resting(recording: Recording, gyro: Signal, restart: Mask) -> tuple[Array, M
     if len(accel.t) < drift.FEWEST:
         return None
     force, field = _at(gyro.t, accel), _field(recording, gyro)
-    return force, rested(_steps(gyro, restart), gyro.y, force, restart, field)
+    return force, rested(steps(gyro, restart), gyro.y, force, restart, field)
 
 
 def _corrected(
@@ -88,7 +88,7 @@ def _corrected(
     if told is None:
         return _as_given(gyro, known[0]), []
     force, still = told
-    h = _steps(gyro, restart)
+    h = steps(gyro, restart)
     y = _still(recording, gyro, force, h, config.max_step_s)
     at, bias, deviation, found = drift.follow(h, gyro.y, y, still, restart, known)
     return Rates(at, at, at, bias, found, deviation), [_told(still, known, found)]
@@ -102,17 +102,32 @@ def _as_given(gyro: Signal, x: Array) -> Rates:
     return Rates(at, at, at, np.broadcast_to(x[:3], gyro.y.shape).copy())
 
 
-def _steps(gyro: Signal, restart: Mask) -> Array:
+def steps(gyro: Signal, restart: Mask) -> Array:
     """Return the time from the sample before, s, zero at a restart."""
     h: Array = np.where(restart, 0.0, np.diff(gyro.t, prepend=gyro.t[0]) * 1e-9)
     return h
 
 
+def unfit(recording: Recording, gyro: Signal, h: Array, max_step: float) -> str | None:
+    """Say why turns cannot tell scale and misalignment; None where they can.
+
+    Parameters
+    ----------
+    h : shape (n,)
+        Time from the sample before, s.
+    max_step
+        Longest step that is not divided, s.
+    """
+    if "velocity" in recording.signals:  # a vehicle's, whose turns and climbs do not cancel
+        return "as gravity is no mean of a vehicle's force, and the log has a velocity"
+    if smoothing.longest_memory(h, gyro.y, max_step) < drift.WINDOW:
+        return "as the gyroscope is too slow for its motion"
+    return None
+
+
 def _still(recording: Recording, gyro: Signal, force: Array, h: Array, max_step: float) -> Array:
     """Return what stands still in the world on average, shape (n, 0, 1 or 2, 3)."""
-    # with velocity it is a vehicle's, which turns and climbs: gravity is no mean of its force
-    slow = smoothing.longest_memory(h, gyro.y, max_step) < drift.WINDOW
-    if slow or "velocity" in recording.signals:
+    if unfit(recording, gyro, h, max_step) is not None:
         return np.empty((len(h), 0, 3))
     field = _field(recording, gyro)
     vectors = [force, field] if len(field) else [force]

@@ -14,6 +14,7 @@ from attest import config, pipeline
 from attest.cli import cli
 from attest.conditioning import attitudes, calibrate, calibrated, condition
 from attest.conditioning.calibrate import _gyroscope
+from attest.errors import ConfigError
 from attest.observers import fts
 from attest.recording import Signal
 from attest.report import text_of_calibration
@@ -103,12 +104,12 @@ def test_only_what_is_known_of_the_gyroscope_is_written():
     prior = config.Conditioning()
     std = np.concatenate([np.full(3, 0.0002), np.full(9, 0.003)])
     x = np.concatenate([np.full(3, 0.01), np.full(9, 0.002)])
-    assert _gyroscope(np.array([x, std]), prior)["configuration"] == {
+    assert _gyroscope(np.array([x, std]), prior, "")["configuration"] == {
         "bias": [0.01, 0.01, 0.01],
         "bias_std": 0.0002,
     }
     std[0], std[[3, 8]] = np.deg2rad(0.25), 0.0003
-    found = _gyroscope(np.array([x, std]), prior)
+    found = _gyroscope(np.array([x, std]), prior, "")
     assert found["configuration"] == {
         "scale": [[0.002, 0.0, 0.0], [0.0, 0.0, 0.002], [0.0, 0.0, 0.0]],
         "scale_std": 0.003,
@@ -240,3 +241,37 @@ def test_gaps_and_restarts_are_survived():
         for name, s in log.signals.items()
     }
     assert "gyroscope" in calibrate(recording(late), fts.Config())["sensors"]
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({}, "scale and misalignment not told, for want of turns"),
+        (
+            {"velocity": Signal(stamps(5.0, 20.0), np.zeros((100, 3)))},
+            "not told, as gravity is no mean of a vehicle's force, and the log has a velocity",
+        ),
+    ],
+)
+def test_why_turns_tell_nothing_is_said(change, why):
+    log = flight(resting)
+    found = calibrate(replace(log, signals={**log.signals, **change}), fts.Config())
+    assert why in found["sensors"]["gyroscope"]["told"]
+
+
+@pytest.mark.shared
+def test_a_slow_gyroscope_is_the_reason_where_it_is(shared):
+    log = shared / "tlog" / "bluerov2_bad_crc.tlog"
+    given = pipeline.configure("fts")
+    recording_ = pipeline.read(log, given)
+    held = {name: s for name, s in recording_.signals.items() if name != "velocity"}
+    found = calibrate(replace(recording_, signals=held), given)
+    assert "as the gyroscope is too slow for its motion" in found["sensors"]["gyroscope"]["told"]
+
+
+def test_an_observer_of_feature_points_has_no_sensor_to_calibrate(sample_logs):
+    with pytest.raises(ConfigError, match="relative_fts: takes feature points, and no sensor"):
+        cli.main(
+            ["calibrate", str(sample_logs / "quadcopter.csv"), "-o", "relative_fts"],
+            standalone_mode=False,
+        )
