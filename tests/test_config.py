@@ -379,7 +379,7 @@ def test_the_effective_configuration_holds_every_default():
     whole = config.effective(fts.Config())
     assert set(whole) == set(fts.Config.model_fields)
     assert set(whole["conditioning"]) == set(config.Conditioning.model_fields)
-    assert whole["conditioning"]["max_step_s"] == 0.01
+    assert whole["conditioning"]["max_step_s"] == 0.025
 
 
 def test_a_configuration_cannot_be_changed_by_accident():

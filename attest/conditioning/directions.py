@@ -176,3 +176,16 @@ def bends(h: Array, gyro: Array) -> float:
             )
             total += h[i] * h[i] * so3.dot(bend, bend)
     return total
+
+
+@kernel
+def cones(h: Array, gyro: Array) -> float:
+    """Return the sum of (change of one turn's cross product with the next), squared, rad⁴."""
+    total, before = 0.0, so3.ZERO
+    for i in range(1, len(h)):
+        x = so3.cross(so3.row(gyro, i - 1), so3.row(gyro, i))
+        cone = so3.scale(h[i - 1] * h[i], x)
+        change = so3.sub(cone, before)
+        total += so3.dot(change, change)
+        before = cone
+    return total

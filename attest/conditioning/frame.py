@@ -3,6 +3,9 @@
 Vectors are interpolated and smoothed in this frame, where the vehicle's own motion does not blur
 them, and are turned back into the body.
 
+[Savage98]  P. G. Savage, "Strapdown inertial navigation integration algorithm design part 1:
+            attitude algorithms", J. Guidance, Control, and Dynamics 21(1), 1998.
+
 Symbols: D rotation from the body to the gyroscope's frame, as a quaternion.
 """
 
@@ -15,6 +18,7 @@ from attest.geometry.so3 import Quaternion
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
 
 def integrate(t: Stamps, mean: Array, restart: NDArray[np.bool_] | None = None) -> Array:
@@ -41,6 +45,32 @@ def mean_of_ends(y: Array) -> Array:
     """Return the mean of each row of (n, 3) and the next; the last row itself."""
     mean: Array = 0.5 * (y + np.concatenate([y[1:], y[-1:]]))
     return mean
+
+
+@kernel
+def cone(h: Array, at: Array, divided: Mask, over: Array, mean: Array) -> None:
+    """Add to the mean rate over a step what the turn of its axis adds to the turn.
+
+    The turn over a step is theta + theta_before x theta / 12 for a rate that changes linearly,
+    with theta the rate's integral [Savage98].
+
+    Parameters
+    ----------
+    h : shape (n,)
+        Time from the sample before, s, zero at a restart.
+    at : shape (n, 3)
+        Mean rate over the step that ends at each stamp, rad/s.
+    divided : shape (n,)
+        Steps whose rate is taken as linear instead: they stay.
+    over, mean : shape (n, 3)
+        Rate over the step that begins at each stamp, rad/s, changed in place.
+    """
+    for i in range(len(h) - 1):
+        if not divided[i]:
+            added = so3.scale(h[i] / 12.0, so3.cross(so3.row(at, i), so3.row(at, i + 1)))
+            for j in range(3):
+                over[i, j] += added[j]
+                mean[i, j] += added[j]
 
 
 def at(t: Stamps, D: Array, when: Stamps) -> Array:

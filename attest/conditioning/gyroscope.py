@@ -55,9 +55,10 @@ def rates(
     over = np.concatenate([at[1:], at[-1:]])
     mean = over.copy()
     # a step that is divided takes the line between its ends
-    divided = np.flatnonzero((substeps > 1) | np.append(restart[1:], True))
+    divided = (substeps > 1) | np.append(restart[1:], True)
     mean[divided] = 0.5 * (at[divided] + over[divided])
     over[divided] = at[divided]
+    frame.cone(_steps(gyro, restart), at, divided, over, mean)
     return replace(corrected, over=over, mean=mean), notes
 
 
@@ -88,7 +89,7 @@ def _corrected(
         return _as_given(gyro, known[0]), []
     force, still = told
     h = _steps(gyro, restart)
-    y = _still(recording, gyro, force, h)
+    y = _still(recording, gyro, force, h, config.max_step_s)
     at, bias, deviation, found = drift.follow(h, gyro.y, y, still, restart, known)
     return Rates(at, at, at, bias, found, deviation), [_told(still, known, found)]
 
@@ -107,10 +108,10 @@ def _steps(gyro: Signal, restart: Mask) -> Array:
     return h
 
 
-def _still(recording: Recording, gyro: Signal, force: Array, h: Array) -> Array:
+def _still(recording: Recording, gyro: Signal, force: Array, h: Array, max_step: float) -> Array:
     """Return what stands still in the world on average, shape (n, 0, 1 or 2, 3)."""
     # with velocity it is a vehicle's, which turns and climbs: gravity is no mean of its force
-    slow = smoothing.longest_memory(h, gyro.y) < drift.WINDOW
+    slow = smoothing.longest_memory(h, gyro.y, max_step) < drift.WINDOW
     if slow or "velocity" in recording.signals:
         return np.empty((len(h), 0, 3))
     field = _field(recording, gyro)

@@ -49,7 +49,7 @@ def smooth(
     h = np.where(restart, 0.0, np.diff(line.t, prepend=line.t[0]) * 1e-9)
     settings, after, notes = config.smoothing, dict(found), []
     accel, mag = found.get("accel"), found.get("mag")
-    longest = np.full(len(h), longest_memory(h, line.gyro))
+    longest = np.full(len(h), longest_memory(h, line.gyro, config.max_step_s))
     if deviation is not None:
         longest = np.minimum(longest, DRIFT / np.maximum(deviation, 1e-12))
     if accel is not None and settings.accel_s is not None and len(accel.inertial) == 1:
@@ -79,11 +79,12 @@ def smooth(
     return after, notes
 
 
-def longest_memory(h: Array, gyro: Array) -> float:
+def longest_memory(h: Array, gyro: Array, max_step: float) -> float:
     """Return over how long the gyroscope's frame can be relied on, s.
 
     Between samples the rate is taken as linear. What its bend at a sample makes of that, h/12 of
-    the second difference, adds up to the frame's error like a random walk.
+    the second difference, adds up to the frame's error like a random walk. Where no step is
+    divided, a sample is the mean over it, and what is left is how `frame.cone` changes.
 
     Parameters
     ----------
@@ -91,8 +92,11 @@ def longest_memory(h: Array, gyro: Array) -> float:
         Time from the sample before, s.
     gyro : shape (n, 3)
         Rate, rad/s.
+    max_step
+        Longest step that is not divided, s.
     """
-    variance = directions.bends(h, gyro) / 144.0
+    means = np.median(h) <= max_step
+    variance = directions.cones(h, gyro) / 576.0 if means else directions.bends(h, gyro) / 144.0
     return FRAME_ERROR**2 * float(h.sum()) / variance if variance > 0.0 else np.inf
 
 

@@ -147,7 +147,7 @@ class Magnetometer(Section):
 class Conditioning(Section):
     """What is done to the measurements before the observer sees them."""
 
-    max_step_s: Annotated[float, Field(gt=0, le=10)] = 0.01
+    max_step_s: Annotated[float, Field(gt=0, le=10)] = 0.025
     """Longest step of the observer; a slower log is sub-stepped, its gyroscope interpolated."""
     max_age_s: Annotated[float, Field(ge=0, le=600)] = 1.0
     """How far a vector may be carried by the gyroscope from its nearest sample."""

@@ -50,7 +50,7 @@ class Gains(Section):
 
     theorem = "[Mahony08, Theorem 5.1]"
 
-    k_p: Annotated[float, Field(gt=0)] = 0.05
+    k_p: Annotated[float, Field(gt=0)] = 0.24
     """Attitude gain K_P [1/s]. More follows the vectors, less the gyroscope."""
     k_i: Annotated[float, Field(ge=0)] = 0.001
     """Bias gain K_I [1/s²]. Zero freezes the bias."""

@@ -58,11 +58,11 @@ class Gains(Section):
 
     theorem = "[FTS, (82)-(89)]"
 
-    q: Annotated[float, Field(gt=0, le=1e9)] = 1.0
+    q: Annotated[float, Field(gt=0, le=1e9)] = 22.7
     """Scale of the weights: what the vectors tell, 1/(rad² s). More follows them more."""
-    Q_Omega: Annotated[float, Field(gt=0, le=1e9)] = 0.0055
+    Q_Omega: Annotated[float, Field(gt=0, le=1e9)] = 0.0169
     """Intensity of the gyroscope's noise [rad²/s]. More follows the vectors more."""
-    Q_b: Annotated[float, Field(ge=0, le=1e9)] = 1e-6
+    Q_b: Annotated[float, Field(ge=0, le=1e9)] = 5.8e-8
     """Intensity of the bias's change [rad²/s³]."""
     attitude_deg: Annotated[float, Field(gt=0, le=180)] = 20.0
     """Standard deviation of the initial principal angle, degrees; P_a(0) is its variance."""

@@ -55,12 +55,12 @@ class Gains(Section):
 
     theorem = "[Lefferts82]"
 
-    direction_noise: Annotated[float, Field(gt=0, le=1e6)] = 1.0
+    direction_noise: Annotated[float, Field(gt=0, le=1e6)] = 0.21
     """Root intensity r of the vectors' noise at a weight of 1 [rad √s]. More follows them less."""
-    gyro_noise: Annotated[float, Field(gt=0, le=1e6)] = 0.074
+    gyro_noise: Annotated[float, Field(gt=0, le=1e6)] = 0.13
     """Root intensity of the gyroscope's noise, at the least; of a slow log's steps it is more
     [rad/√s]. More follows the vectors more."""
-    bias_walk: Annotated[float, Field(ge=0, le=1e6)] = 0.001
+    bias_walk: Annotated[float, Field(ge=0, le=1e6)] = 0.00024
     """Root intensity of the bias's random walk [rad/s/√s]."""
     attitude_deg: Annotated[float, Field(gt=0, le=180)] = 20.0
     """Standard deviation of the initial attitude about each axis, degrees."""

@@ -4,13 +4,14 @@ A format is one module here with ``recognises(head, path)`` and ``read(path, opt
 name in `NAMES`. Files are told by what is in them, never by their names.
 """
 
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Protocol, cast
 
 from attest.config import Csv
 from attest.errors import ReadError
-from attest.readers.options import ReadOptions, refuse_idle
+from attest.readers.options import ReadOptions, told, without_idle
 from attest.recording import Recording
 
 __all__ = ["NAMES", "ReadOptions", "is_log", "logs_in", "read", "recognise"]
@@ -92,11 +93,11 @@ def read(path: Path, options: ReadOptions | None = None) -> Recording:
     """
     options = options or ReadOptions()
     name = recognise(path, mapped=options.csv is not None and options.csv.maps)
-    refuse_idle(path, name, options)
     try:
-        return _reader(name).read(path, options)
+        recording = _reader(name).read(path, without_idle(name, options))
     except OSError as error:
         raise _unreadable(path, error) from error
+    return replace(recording, notes=(*told(name, options), *recording.notes))
 
 
 def _reader(name: str) -> _Reader:

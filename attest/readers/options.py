@@ -2,11 +2,9 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 from attest.config import Csv
-from attest.errors import ConfigError
-from attest.recording import World
+from attest.recording import Note, World
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,24 +38,20 @@ WORLDS: Mapping[str, World] = {
 """Of formats whose world is not to be chosen."""
 
 
-def refuse_idle(path: Path, form: str, options: ReadOptions) -> None:
-    """Refuse a choice that a log of this format does not have.
-
-    Raises
-    ------
-    ConfigError
-        There is one.
-    """
-    for name in _idle(form, options):
-        option = f"input.{name}" if name == "topics" else f"--{name} (input.{name})"
-        what = f"is in {WORLDS[form]}" if name == "world" else f"has no choice of {name}"
-        raise ConfigError(f"{path}: {option} means nothing here: {form} {what}. Leave it out.")
-
-
 def without_idle(form: str, options: ReadOptions) -> ReadOptions:
     """Leave out the choices that a log of this format does not have."""
     nothing: dict[str, None] = dict.fromkeys(_idle(form, options))
     return replace(options, **nothing)
+
+
+def told(form: str, options: ReadOptions) -> tuple[Note, ...]:
+    """Tell of each choice that is left out: one configuration may be for logs of many formats."""
+    notes = []
+    for name in _idle(form, options):
+        option = f"input.{name}" if name == "topics" else f"--{name} (input.{name})"
+        what = f"is in {WORLDS[form]}" if name == "world" else f"has no choice of {name}"
+        notes.append(Note(f"{option} means nothing here, {form} {what}: left out", doubt=True))
+    return tuple(notes)
 
 
 def _idle(form: str, options: ReadOptions) -> list[str]:

@@ -97,3 +97,33 @@ def test_a_single_sample_is_carried_both_ways():
 def test_at_rest_nothing_turns():
     still = frame.integrate(T, frame.mean_of_ends(rate(resting, at(T))))
     assert angle_deg(still, still[:1]).max() < 1e-9
+
+
+def test_a_turning_axis_is_integrated_from_mean_rates():
+    fine, each = 1e-4, 100  # 10 ms
+    at = np.arange(50_000) * fine
+    rate = np.column_stack([np.sin(7.0 * at), np.cos(7.0 * at), 0.2 * np.sin(3.0 * at)]) * 5.0
+    D = frame.integrate(np.arange(50_001) * 100_000, np.concatenate([rate, rate[-1:]]))[::each]
+    mean = np.concatenate([np.zeros((1, 3)), rate.reshape(-1, each, 3).mean(axis=1)])
+    h = np.full(len(mean), fine * each)
+    over = np.concatenate([mean[1:], mean[-1:]])
+    coned, also = over.copy(), over.copy()
+    frame.cone(h, mean, np.zeros(len(h), np.bool_), coned, also)
+    assert_allclose(coned, also, atol=0)
+    t = np.arange(len(h)) * 10_000_000
+    plain = angle_deg(frame.integrate(t, over), D).max()
+    better = angle_deg(frame.integrate(t, coned), D).max()
+    assert plain > 0.3
+    assert better < 0.05 * plain
+
+
+def test_a_divided_step_is_not_coned():
+    over = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    at, h = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]), np.array([0.0, 0.1, 0.1])
+    coned = over.copy()
+    frame.cone(h, at, np.array([False, False, True]), coned, over.copy())
+    assert_allclose(coned[0], over[0], atol=0)  # nothing before it is known
+    assert_allclose(coned[1], over[1] + 0.1 / 12.0 * np.cross(at[1], at[2]), atol=1e-15)
+    coned = over.copy()
+    frame.cone(h, at, np.array([False, True, True]), coned, over.copy())
+    assert_allclose(coned, over, atol=0)

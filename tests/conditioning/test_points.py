@@ -217,7 +217,7 @@ def test_a_gap_starts_the_observer_anew_and_a_reboot_too():
 def test_slow_points_are_stepped_in_parts():
     signals = {n: seen_at(stamps(20, 100_000_000), np.array(p)) for n, p in PLACES.items()}
     made, notes = condition(recording(signals), settings())
-    assert made.substeps[:-1].tolist() == [10] * 19
+    assert made.substeps[:-1].tolist() == [4] * 19
     assert len(notes) == 1
 
 

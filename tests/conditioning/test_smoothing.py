@@ -229,6 +229,9 @@ def test_memory_is_short_where_the_gyroscope_is_too_slow():
 def test_how_long_the_frame_is_relied_on_is_a_random_walks_law():
     h, rng = np.full(10_000, 0.01), np.random.default_rng(1)
     rate = np.cumsum(rng.normal(scale=0.05, size=(10_000, 3)), axis=0)
-    half = smoothing.longest_memory(h, 2.0 * rate)
-    assert half == pytest.approx(smoothing.longest_memory(h, rate) / 4.0)
-    assert smoothing.longest_memory(h, np.ones((10_000, 3))) == np.inf
+    divided, whole = 0.005, 0.01
+    once = smoothing.longest_memory(h, rate, divided)
+    assert smoothing.longest_memory(h, 2.0 * rate, divided) == pytest.approx(once / 4.0)
+    once = smoothing.longest_memory(h, rate, whole)
+    assert smoothing.longest_memory(h, 2.0 * rate, whole) == pytest.approx(once / 16.0)
+    assert smoothing.longest_memory(h, np.ones((10_000, 3)), divided) == np.inf

@@ -281,7 +281,7 @@ def test_golden_of_the_sample_flight():
     assert_allclose(found.metrics.inclination.rmse, 0.35, atol=0.03)
     (claim,) = [c for c in found.claims if "covariance" in c.statement]
     assert claim.holds
-    assert_allclose(claim.value, 0.72, atol=0.15)
+    assert claim.value > 0.95  # of the errors are within it
 
 
 @pytest.mark.slow
