@@ -103,8 +103,9 @@ def _of_heading(P: Array) -> Array:
     steep: that is no fault of the field.
     """
     full = P[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3)
-    information: Array = np.linalg.inv(full + TINY * np.eye(3))[:, 2, 2]
-    return 1.0 / np.sqrt(information)
+    information = np.asarray(np.linalg.inv(full + TINY * np.eye(3)), np.float64)
+    deviation: Array = 1.0 / np.sqrt(information[:, 2, 2])
+    return deviation
 
 
 def _turned(samples: Samples, found: Estimates) -> list[Note]:
