@@ -5,6 +5,7 @@ as long as usual. At rest it may last for ever. A gyroscope that only reads its 
 """
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,8 @@ SHORTEST, TIMES = 3.0, 10.0
 """For which a value must stay: at the least, s, and as many times as it usually does."""
 BIAS = np.deg2rad(10.0)
 """A constant rate below which it may be the gyroscope's bias, rad/s."""
+PIECE = 30_000_000_000
+"""In which a gyroscope's bias stays the same, ns."""
 GAP = 1.0
 """Between two samples, s, across which it is not known how the body turns."""
 TURN = np.deg2rad(30.0)
@@ -52,10 +55,12 @@ def _stays(gyro: Signal, mag: Signal) -> Iterator[tuple[float, float]]:
     step = 0.5 * (gyro.y[1:] + gyro.y[:-1]) * np.where(h < GAP, h, 0.0)[:, np.newaxis]
     turned = np.concatenate([np.zeros((1, 3)), np.cumsum(step, axis=0)])
     for first, last in zip(begins[long], ends[long], strict=True):
-        inside = slice(np.searchsorted(gyro.t, mag.t[first]), np.searchsorted(gyro.t, mag.t[last]))
-        if len(at[inside]) > 1:
-            lasting = float(mag.t[last] - mag.t[first]) * 1e-9
-            yield lasting, _turn(at[inside], turned[inside], mag.y[first])
+        begin, end = np.searchsorted(gyro.t, (mag.t[first], mag.t[last])).tolist()
+        cuts = np.flatnonzero(np.diff((gyro.t[begin:end] - mag.t[first]) // PIECE)) + begin + 1
+        edges = pairwise([begin, *cuts.tolist(), end])
+        pieces = [slice(*edge) for edge in edges if edge[1] - edge[0] > 1]
+        turns = [_turn(at[piece], turned[piece], mag.y[first]) for piece in pieces]
+        yield float(mag.t[last] - mag.t[first]) * 1e-9, max(turns, default=0.0)
 
 
 def _turn(at: Array, turned: Array, field: Array) -> float:

@@ -57,6 +57,13 @@ def test_a_coarse_magnetometer_at_rest_is_not_stuck_however_large_the_bias(bias)
     assert told(recording(signals)) == []
 
 
+def test_a_bias_that_wanders_for_an_hour_turns_nothing():
+    t = stamps(10.0, 3600.0)
+    rates = gyro(resting, t, (0.01, 0.0, 0.0))
+    rates.y[:, 1] += 2e-6 * at(t)
+    assert told(recording({"gyro": rates, "mag": seen(resting, t, FIELD)})) == []
+
+
 def test_what_happens_in_a_gap_of_the_gyroscope_is_not_known():
     t = stamps(100.0, 60.0)
     rates = gyro(resting, t)
