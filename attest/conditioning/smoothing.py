@@ -68,7 +68,8 @@ def smooth(
     if apart is not None and len(apart.inertial) == 1:  # so that errors of the vertical cancel
         mag = _across(mag, apart)
     if not isinstance(config, SmoothedConditioning):  # who tells it by the bias that it finds
-        notes += _turned(mag, line, h, restart, deviation)
+        aided = accel is not None and len(accel.inertial) > 1
+        notes += _turned(mag, line, h, restart, deviation, aided=aided)
     if settings.mag_s is not None:
         tau = np.minimum(settings.mag_s, longest)
         mag = _low_passed(mag, h, line, weight, restart, tau)
@@ -142,11 +143,17 @@ def _belief(
 
 
 def _turned(
-    mag: Measured, line: Timeline, h: Array, restart: Mask, deviation: Array | None
+    mag: Measured,
+    line: Timeline,
+    h: Array,
+    restart: Mask,
+    deviation: Array | None,
+    *,
+    aided: bool,
 ) -> list[Note]:
     """Say where the field turns against the gyroscope by more than that can err."""
     most = SUDDEN if deviation is None else SUDDEN + SIGMAS * WINDOW * deviation
-    return turned(h, line.D, mag.body, mag.valid, restart, most)
+    return turned(h, line.D, mag.body, mag.valid, restart, aided=aided, most=most)
 
 
 def _across(mag: Measured, accel: Measured) -> Measured:

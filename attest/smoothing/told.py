@@ -121,7 +121,8 @@ def _turned(samples: Samples, found: Estimates) -> list[Note]:
     mean = 0.5 * (rate + np.concatenate([rate[1:], rate[-1:]]))
     so3.integrate(np.append(h[1:], 0.0), mean, D)
     unit = field / np.maximum(flat, LEVEL)[:, np.newaxis]
-    return turned(h, D, unit, samples.valid[:, j] & (flat > LEVEL), samples.restart)
+    valid, aided = samples.valid[:, j] & (flat > LEVEL), len(samples.inertial) > 1
+    return turned(h, D, unit, valid, samples.restart, aided=aided)
 
 
 def _steps(samples: Samples) -> Array:

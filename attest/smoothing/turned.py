@@ -19,9 +19,19 @@ SUDDEN = radians(20.0)
 
 
 def turned(
-    h: Array, D: Array, unit: Array, valid: Mask, restart: Mask, most: float | Array = SUDDEN
+    h: Array,
+    D: Array,
+    unit: Array,
+    valid: Mask,
+    restart: Mask,
+    *,
+    aided: bool,
+    most: float | Array = SUDDEN,
 ) -> list[Note]:
-    """Say where a field turns by more than most, rad, a number or (n,); the rest as for `turns`."""
+    """Say where a field turns by more than most, rad, a number or (n,); the rest as for `turns`.
+
+    Where the log's velocity aids the accelerometer, what it should measure turns with heading.
+    """
     angles = turns(h, D, unit, valid, restart, WINDOW)
     sudden = np.flatnonzero(angles > most)
     if not len(sudden):
@@ -31,7 +41,8 @@ def turned(
         f"the field turns against the gyroscope, by up to {angle:.0f}° from one {WINDOW:g} s to "
         f"the next, first at {at:.0f} s: disturbed, stuck or late; heading is doubtful since"
     )
-    return [Note(text, len(sudden), doubt=True)]
+    tilt = ", and tilt where it accelerates" if aided else ""
+    return [Note(text + tilt, len(sudden), doubt=True)]
 
 
 @kernel
