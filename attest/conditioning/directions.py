@@ -15,10 +15,13 @@ from numpy.typing import NDArray
 
 from attest.geometry import mat3, so3
 from attest.geometry.jit import kernel
+from attest.geometry.so3 import Vector
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+AHEAD = 1.0
+"""At the start, over which the first direction is averaged, s."""
 DAMPING = sqrt(0.5)
 """Of a Butterworth filter of second order."""
 MEMORY = 30.0
@@ -38,6 +41,23 @@ START = 3.0
 
 
 @kernel
+def _first(
+    i: int, h: Array, D: Array, unit: Array, length: Array, weight: Array, restart: Mask
+) -> tuple[Vector, float, int]:
+    """Return the mean of the first vectors in the frame, of how long it is, and where they end."""
+    value, known, j, end = so3.ZERO, 0.0, i, AHEAD
+    while j < len(unit) and end > 0.0 and not (j > i and restart[j]):
+        step = h[j] if h[j] > 0.0 else 1e-3
+        end -= step
+        known += weight[j] * step
+        D_j = so3.matrix((D[j, 0], D[j, 1], D[j, 2], D[j, 3]))
+        away = so3.sub(so3.scale(length[j], mat3.apply(D_j, so3.row(unit, j))), value)
+        value = so3.add(value, so3.scale(weight[j] * step / max(known, 1e-12), away))
+        j += 1
+    return value, known, j
+
+
+@kernel
 def low_pass(
     h: Array,
     D: Array,
@@ -51,7 +71,8 @@ def low_pass(
     """Fill out (n, 3) with the directions of low-passed vectors in the body; zero while unknown.
 
     A Butterworth filter of second order with the cut-off sqrt(2)/tau [rad/s], stepped implicitly;
-    in the first tau seconds the mean, so that the first samples are as good as there are.
+    in the first tau seconds the mean, so that the first samples are as good as there are, and in
+    the first `AHEAD` seconds the mean of all of them.
 
     Parameters
     ----------
@@ -67,15 +88,18 @@ def low_pass(
         Memory, s.
     """
     value = slope = (0.0, 0.0, 0.0)
-    known = 0.0
+    known, first = 0.0, 0
     for i in range(len(unit)):
         if restart[i]:
-            slope, known = (0.0, 0.0, 0.0), 0.0
+            value, known, first = _first(i, h, D, unit, length, weight, restart)
+            slope = (0.0, 0.0, 0.0)
         D_i = so3.matrix((D[i, 0], D[i, 1], D[i, 2], D[i, 3]))
         step = weight[i] * (h[i] if h[i] > 0.0 else 1e-3)
         away = so3.sub(so3.scale(length[i], mat3.apply(D_i, so3.row(unit, i))), value)
-        known += step
-        if known <= tau[i]:
+        if i < first:
+            pass
+        elif known + step <= tau[i]:
+            known += step
             slope = (0.0, 0.0, 0.0)
             value = so3.add(value, so3.scale(step / max(known, 1e-12), away))
         else:
