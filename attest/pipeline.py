@@ -210,7 +210,8 @@ def _conditioned_by(configuration: Configuration) -> str:
     """Return what configurations share if they may share samples."""
     whole = config.effective(configuration)
     keys = ("input", "conditioning", "vectors", "points")
-    return json.dumps({key: whole.get(key) for key in keys}, sort_keys=True)
+    kind = type(configuration.conditioning).__name__  # which tells who says what
+    return json.dumps({key: whole.get(key) for key in keys} | {"kind": kind}, sort_keys=True)
 
 
 def _compile(samples: Samples, configuration: Configuration) -> None:

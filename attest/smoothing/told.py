@@ -25,8 +25,8 @@ OFTEN = 0.15
 """Share of the log in which an unlike field is doubtful."""
 UNSURE = 10.0
 """Deviation of the heading that is doubtful, deg."""
-TINY = 1e-12
-"""Variance that is none, rad²."""
+TINY = 1e-24
+"""Product of variances that are none, rad⁴."""
 SELDOM = 0.05
 """Share of the log in which it is not worth a word."""
 
@@ -102,9 +102,11 @@ def _of_heading(P: Array) -> Array:
     For want of time to tell gravity from motion, tilt takes heading with it where the field is
     steep: that is no fault of the field.
     """
-    full = P[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3)
-    information = np.asarray(np.linalg.inv(full + TINY * np.eye(3)), np.float64)
-    deviation: Array = 1.0 / np.sqrt(information[:, 2, 2])
+    xx, xy, xz, yy, yz, zz = P.T
+    told_by_tilt = (yy * xz**2 - 2.0 * xy * xz * yz + xx * yz**2) / np.maximum(
+        xx * yy - xy**2, TINY
+    )
+    deviation: Array = np.sqrt(np.maximum(zz - told_by_tilt, 0.0))
     return deviation
 
 
@@ -114,7 +116,7 @@ def _turned(samples: Samples, found: Estimates) -> list[Note]:
     length = np.ones(len(h)) if samples.length is None else samples.length[:, j]
     field = length[:, np.newaxis] / usual(samples) * samples.body[:, j]
     field -= found.constants["hard_iron"]
-    up = quaternion.to_matrix(found.q)[:, 2]
+    up = quaternion.rotate(quaternion.conjugate(found.q), np.array([0.0, 0.0, 1.0]))
     field -= np.sum(field * up, axis=1, keepdims=True) * up
     flat = np.linalg.norm(field, axis=1)
     D = np.empty((len(h), 4))
