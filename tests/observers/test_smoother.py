@@ -323,7 +323,7 @@ def test_optical_truth(shared, name):
 @pytest.mark.slow
 @pytest.mark.shared
 @pytest.mark.parametrize(
-    ("log", "worst"), [("tlog/quadplane_sitl.tlog", 1.8), ("ulog/auav_x21.ulg", 2.0)]
+    ("log", "worst"), [("tlog/quadplane_sitl.tlog", 1.5), ("ulog/auav_x21.ulg", 2.0)]
 )
 def test_flights(shared, log, worst):
     found = pipeline.run(shared / log, pipeline.configure("smoother"))
