@@ -93,6 +93,10 @@ def _smoothed(
     with _stage("smoothing", timing, on_stage):
         samples, _ = conditioning.condition(recording, settings)
         found = smoother.estimate(samples, settings)
+        notes = () if smoother.notes is None else smoother.notes(samples, found, settings)
+    doubts = [
+        replace(note, text=f"reference 'smoother': {note.text}") for note in notes if note.doubt
+    ]
     text = (
         "reference 'smoother': attest's own, of the whole log and the same sensors: "
         "not independent, not truth"
@@ -101,7 +105,7 @@ def _smoothed(
     return replace(
         recording,
         references={SMOOTHER: made, **recording.references},
-        notes=(*recording.notes, Note(text, doubt=True)),
+        notes=(*recording.notes, Note(text, doubt=True), *doubts),
     )
 
 
@@ -206,7 +210,8 @@ def _conditioned_by(configuration: Configuration) -> str:
     """Return what configurations share if they may share samples."""
     whole = config.effective(configuration)
     keys = ("input", "conditioning", "vectors", "points")
-    return json.dumps({key: whole.get(key) for key in keys}, sort_keys=True)
+    kind = type(configuration.conditioning).__name__  # which tells who says what
+    return json.dumps({key: whole.get(key) for key in keys} | {"kind": kind}, sort_keys=True)
 
 
 def _compile(samples: Samples, configuration: Configuration) -> None:
@@ -239,6 +244,8 @@ def _observe(
     observer = observers.get(configuration.observer)
     with _stage("observing", timing, on_stage):
         estimates = observer.estimate(samples, configuration)
+        if observer.notes is not None:
+            notes += observer.notes(samples, estimates, configuration)
     with _stage("evaluating", timing, on_stage):
         metrics, scored = evaluation.evaluate(
             samples, estimates, reference, configuration.evaluation

@@ -16,6 +16,7 @@ from attest.geometry import mat3, quaternion, so3, static, wahba
 from attest.geometry.jit import kernel
 from attest.geometry.mat3 import Matrix
 from attest.geometry.so3 import Quaternion, Vector
+from attest.recording import Note
 from attest.samples import Samples, mean_rates
 from attest.smoothing.inputs import variance
 
@@ -44,6 +45,8 @@ class Observer:
     the gains leave it without one."""
     promises: Callable[[Samples, Estimates, Any], tuple[Claim, ...]] | None = None
     """What its theory promises of this run, against what was seen."""
+    notes: Callable[[Samples, Estimates, Any], tuple[Note, ...]] | None = None
+    """What it did to the data, and what in its answer is doubtful."""
 
 
 def segments(samples: Samples) -> Iterator[slice]:
