@@ -93,20 +93,12 @@ def _smoothed(
     with _stage("smoothing", timing, on_stage):
         samples, _ = conditioning.condition(recording, settings)
         found = smoother.estimate(samples, settings)
-        notes = () if smoother.notes is None else smoother.notes(samples, found, settings)
-    doubts = [
-        replace(note, text=f"reference 'smoother': {note.text}") for note in notes if note.doubt
-    ]
-    text = (
-        "reference 'smoother': attest's own, of the whole log and the same sensors: "
-        "not independent, not truth"
-    )
-    made = Reference(SMOOTHER, "smoother", found.t, found.q)
-    return replace(
-        recording,
-        references={SMOOTHER: made, **recording.references},
-        notes=(*recording.notes, Note(text, doubt=True), *doubts),
-    )
+        notes = [note for note in smoother.notes(samples, found, settings) if note.doubt]
+    text = "attest's own, of the whole log and the same sensors: not independent, not truth"
+    notes.insert(0, Note(text, doubt=True))
+    told = (replace(note, text=f"reference 'smoother': {note.text}") for note in notes)
+    made = {SMOOTHER: Reference(SMOOTHER, "smoother", found.t, found.q), **recording.references}
+    return replace(recording, references=made, notes=(*recording.notes, *told))
 
 
 def inspect(
@@ -209,9 +201,9 @@ def _refuse_unlike(configurations: Mapping[str, Configuration]) -> None:
 def _conditioned_by(configuration: Configuration) -> str:
     """Return what configurations share if they may share samples."""
     whole = config.effective(configuration)
-    keys = ("input", "conditioning", "vectors", "points")
-    kind = type(configuration.conditioning).__name__  # which tells who says what
-    return json.dumps({key: whole.get(key) for key in keys} | {"kind": kind}, sort_keys=True)
+    shared = {key: whole.get(key) for key in ("input", "conditioning", "vectors", "points")}
+    shared["kind"] = type(configuration.conditioning).__name__  # which tells who says what
+    return json.dumps(shared, sort_keys=True)
 
 
 def _compile(samples: Samples, configuration: Configuration) -> None:
@@ -244,8 +236,7 @@ def _observe(
     observer = observers.get(configuration.observer)
     with _stage("observing", timing, on_stage):
         estimates = observer.estimate(samples, configuration)
-        if observer.notes is not None:
-            notes += observer.notes(samples, estimates, configuration)
+        notes += observer.notes(samples, estimates, configuration)
     with _stage("evaluating", timing, on_stage):
         metrics, scored = evaluation.evaluate(
             samples, estimates, reference, configuration.evaluation

@@ -28,6 +28,11 @@ NEAR = 60_000_000_000
 """How far the gyroscope is believed when it leads back to a start, nanoseconds."""
 
 
+def _nothing(_samples: Samples, _found: Estimates, _config: Any) -> tuple[Note, ...]:
+    """Return what an observer says that does nothing to the data."""
+    return ()
+
+
 @dataclass(frozen=True, slots=True)
 class Observer:
     """A name's worth of an observer: what it is called, where it is from, how it is run."""
@@ -45,7 +50,7 @@ class Observer:
     the gains leave it without one."""
     promises: Callable[[Samples, Estimates, Any], tuple[Claim, ...]] | None = None
     """What its theory promises of this run, against what was seen."""
-    notes: Callable[[Samples, Estimates, Any], tuple[Note, ...]] | None = None
+    notes: Callable[[Samples, Estimates, Any], tuple[Note, ...]] = _nothing
     """What it did to the data, and what in its answer is doubtful."""
 
 
