@@ -88,10 +88,12 @@ def _definition(rest: bytes) -> Format | None:
 def _table(form: Format, text: Bytes, spans: Spans) -> tuple[Table, int]:
     """Read the cells of one message; also the bytes of the lines that are none."""
     columns, good = _quickly(form, text, spans)
-    left = np.flatnonzero(~good)
+    count, left = len(form.columns), np.flatnonzero(~good)
     for i in range(0, len(left), _ROWS):
         rows = left[i : i + _ROWS]
-        read, good[rows] = _slowly(form, _cut(text, spans[rows]))
+        cells = [line.split(b",", count - 1) for line in _cut(text, spans[rows])]
+        rows = rows[[len(row) == count for row in cells]]
+        read, good[rows] = _slowly(form, [row for row in cells if len(row) == count])
         for name, values in read.items():
             columns[name][rows] = values
     table = Table(spans[:, 0], columns)
@@ -118,14 +120,14 @@ def _quickly(
     return room, np.zeros(len(spans), np.bool_)
 
 
-def _slowly(form: Format, lines: list[bytes]) -> tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]:
-    """Read cell by cell, and tell which lines are good."""
-    count = len(form.columns)
-    cells = [rest.split(b",", count - 1) for rest in lines]
-    good = np.array([len(row) == count for row in cells], np.bool_)
+def _slowly(
+    form: Format, cells: list[list[bytes]]
+) -> tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]:
+    """Read cell by cell, and tell which rows are good."""
+    good = np.ones(len(cells), np.bool_)
     columns: dict[str, NDArray[Any]] = {}
     for i, (name, char) in enumerate(zip(form.columns, form.chars, strict=False)):
-        texts = [row[i].strip() if len(row) == count else b"" for row in cells]
+        texts = [row[i].strip() for row in cells]
         kind = _kind(char)
         if kind is None:
             columns[name] = np.array([text[:LONGEST_TEXT] for text in texts], np.bytes_)
