@@ -1,8 +1,7 @@
 """What an observer is to the rest of the program."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from attest.geometry import mat3, quaternion, so3, static, wahba
 from attest.geometry.jit import kernel
 from attest.geometry.mat3 import Matrix
 from attest.geometry.so3 import Quaternion, Vector
-from attest.samples import Samples, mean_rates
+from attest.samples import Samples, mean_rates, segments
 from attest.smoothing.inputs import variance
 
 Array = NDArray[np.float64]
@@ -44,13 +43,6 @@ class Observer:
     the gains leave it without one."""
     promises: Callable[[Samples, Estimates, Any], tuple[Claim, ...]] | None = None
     """What its theory promises of this run, against what was seen."""
-
-
-def segments(samples: Samples) -> Iterator[slice]:
-    """Yield the stretches between restarts."""
-    edges = [*np.flatnonzero(samples.restart), len(samples.t)]
-    for first, last in pairwise(edges):
-        yield slice(int(first), int(last))
 
 
 def whole_steps(samples: Samples, part: slice) -> Array:

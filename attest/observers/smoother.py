@@ -31,6 +31,7 @@ from attest.config import Configuration, Section, SmoothedConditioning, Weights
 from attest.errors import ConfigError
 from attest.estimates import Estimates
 from attest.geometry import mat3, quaternion, so3, wahba
+from attest.geometry.earth import GRAVITY
 from attest.geometry.jit import kernel
 from attest.observers.observer import (
     COLUMNS,
@@ -39,9 +40,8 @@ from attest.observers.observer import (
     gain_matrices,
     initial_attitude,
     record,
-    segments,
 )
-from attest.samples import Samples
+from attest.samples import Samples, segments
 from attest.smoothing import inputs, smooth, spread, start
 from attest.smoothing.factors import CONSTANTS
 from attest.smoothing.path import Expected, Nodes, Path
@@ -163,7 +163,7 @@ def _start(samples: Samples, log: Log, nodes: Nodes, config: Config) -> Path:
     }
     u = samples.body.copy()
     if "accel" in samples.names:  # swings even out of forces, and not of their directions
-        u[:, samples.names.index("accel")] = log.force / inputs.G
+        u[:, samples.names.index("accel")] = log.force / GRAVITY
     vectors = start.Vectors(log.h, u, np.ascontiguousarray(samples.inertial), samples.valid)
     c = np.zeros(CONSTANTS)
     c[12], c[14] = 1.0, 1.0
