@@ -25,7 +25,8 @@ def nodes(samples: Samples, apart: float) -> Nodes:
         broken.append(len(at) - 1)
     steps = np.array(at, np.int64)
     ends = np.isin(np.arange(len(steps)), broken[:-1])
-    return Nodes(steps, ends, _rests(samples, steps, ends), _moving(samples, steps))
+    gap = np.where(ends, np.diff(samples.t[steps], append=samples.t[-1]) * 1e-9, 0.0)
+    return Nodes(steps, ends, gap, _rests(samples, steps, ends), _moving(samples, steps))
 
 
 def _rests(samples: Samples, at: NDArray[np.int64], broken: NDArray[np.bool_]) -> Array:
