@@ -1,6 +1,5 @@
 """The whole program, read aloud: read, condition, estimate, evaluate, write."""
 
-import json
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -88,8 +87,13 @@ def _smoothed(
     """Add the smoother's attitude to the references, where it is asked for and the log has none."""
     if configuration.evaluation.reference != SMOOTHER or SMOOTHER in recording.references:
         return recording
+    if configuration.observer == SMOOTHER:
+        raise ConfigError(
+            f"{recording.path}: the smoother is no reference for itself. Choose another observer, "
+            "or another --reference."
+        )
     smoother = observers.get(SMOOTHER)
-    settings = smoother.config(observer=SMOOTHER, input=configuration.input)
+    settings = config.with_its_sensors(smoother.config, SMOOTHER, configuration)
     with _stage("smoothing", timing, on_stage):
         samples, _ = conditioning.condition(recording, settings)
         found = smoother.estimate(samples, settings)
@@ -158,14 +162,17 @@ def compare(
     ConfigError
         The configurations read or score the log in different ways, or the log lacks the reference.
     """
-    _refuse_unlike(configurations)
-    first, reading = next(iter(configurations.values())), dict[str, float]()
-    recording, reference = referenced(log, first, reading, on_stage)
+    config.refuse_unlike(configurations)
+    reading = dict[str, float]()
+    recording, reference = referenced(log, _first(configurations), reading, on_stage)
     conditioned: dict[str, Conditioned] = {}
     results: list[Result] = []
     failed: dict[str, str] = {}
     for label, configuration in configurations.items():
-        timing, how = dict(reading), _conditioned_by(configuration)
+        if _is_itself(reference, configuration):
+            failed[label] = "is the reference, and not ranked against itself"
+            continue
+        timing, how = dict(reading), config.sampling(configuration)
         try:
             with _stage("conditioning", timing, on_stage):
                 if how not in conditioned:
@@ -184,26 +191,15 @@ def compare(
     return ranked(results), failed
 
 
-def _refuse_unlike(configurations: Mapping[str, Configuration]) -> None:
-    """Refuse to rank errors of different data, or taken in different ways."""
-    (first, one), *others = configurations.items()
-    for label, other in others:
-        for section in ("input", "evaluation"):
-            ours, theirs = (config.effective(each)[section] for each in (one, other))
-            for key in ours:
-                if ours[key] != theirs[key]:
-                    raise ConfigError(
-                        f"'{section}.{key}' is {ours[key]} of {first} and {theirs[key]} of "
-                        f"{label}: their errors do not compare. Set it for all with --set."
-                    )
+def _first(configurations: Mapping[str, Configuration]) -> Configuration:
+    """Return the first that the smoother may be the reference of, by whose sensors it then goes."""
+    every = list(configurations.values())
+    return next((each for each in every if each.observer != SMOOTHER), every[0])
 
 
-def _conditioned_by(configuration: Configuration) -> str:
-    """Return what configurations share if they may share samples."""
-    whole = config.effective(configuration)
-    shared = {key: whole.get(key) for key in ("input", "conditioning", "vectors", "points")}
-    shared["kind"] = type(configuration.conditioning).__name__  # which tells who says what
-    return json.dumps(shared, sort_keys=True)
+def _is_itself(reference: Reference | None, configuration: Configuration) -> bool:
+    made = reference is not None and reference.kind == SMOOTHER
+    return made and configuration.observer == SMOOTHER
 
 
 def _compile(samples: Samples, configuration: Configuration) -> None:

@@ -1,6 +1,8 @@
 """What an observer steps over."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +53,13 @@ class Samples:
     """Bias that conditioning took off, rad/s, shape (n, 3); None where it took none."""
     rest: NDArray[np.bool_] | None = None
     """Where the body is at rest, shape (n,); None where that was not looked for."""
+
+
+def segments(samples: Samples) -> Iterator[slice]:
+    """Yield the stretches between restarts."""
+    edges = [*np.flatnonzero(samples.restart).tolist(), len(samples.t)]
+    for first, last in pairwise(edges):
+        yield slice(first, last)
 
 
 def mean_rates(samples: Samples) -> NDArray[np.float64]:

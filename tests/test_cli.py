@@ -8,6 +8,7 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from attest import config
@@ -196,6 +197,27 @@ def test_observers_lists_and_explains():
     assert "> 0, < 1" in attest("observers", "fts").stdout
 
 
+def test_simulate_lets_a_sensor_fail_for_a_while(tmp_path):
+    from attest import readers
+
+    faults = ["--jump", "velocity=10:20:5,0,0", "--stuck", "velocity=30:33", "--stuck",
+              "velocity=40:43", "--silent", "position=20:25"]  # fmt: skip
+    for name, options in (("sound.csv", []), ("failing.csv", faults)):
+        done = attest("simulate", "quadcopter", "-o", tmp_path / name, *options)
+        assert (done.returncode, done.stderr) == (0, "")
+    sound, failing = (readers.read(tmp_path / name) for name in ("sound.csv", "failing.csv"))
+    before, after = sound.signals["velocity"], failing.signals["velocity"]
+    seconds = (before.t - sound.signals["gyro"].t[0]) * 1e-9
+    off = after.y - before.y
+    during = (seconds > 10.5) & (seconds < 19.5)
+    assert np.abs(off[during] - [5.0, 0.0, 0.0]).max() < 1e-6
+    for start in (30.0, 40.0):
+        held = after.y[(seconds > start + 0.1) & (seconds < start + 2.9)]
+        assert np.ptp(held, axis=0).max() == 0.0
+    silent = (failing.signals["position"].t - sound.signals["gyro"].t[0]) * 1e-9
+    assert not ((silent > 20.1) & (silent < 24.9)).any()
+
+
 def test_simulate_makes_the_sample_log_again(tmp_path, sample_logs):
     made = tmp_path / "quadcopter.tlog"
     assert attest("simulate", "quadcopter", "-o", made).returncode == 0
@@ -303,6 +325,9 @@ def test_a_name_that_is_not_utf_8_is_taken(tmp_path, sample_logs):
         (["run", "{log}", "--start", "10", "--end", "5"], "the end is not behind the start"),
         (["simulate", "quadcopter", "-o", "{tmp}/a.csv", "--seed", "-1"], "x>=0"),
         (["simulate", "quadcopter", "-o", "{tmp}/a.csv", "--truth", "{tmp}/a.csv"], "both the log"),
+        (["simulate", "quadcopter", "-o", "{tmp}/a.csv", "--jump", "mag=1,2"], "form FROM:TO"),
+        (["simulate", "quadcopter", "-o", "{tmp}/a.csv", "--stuck", "mag=5"], "form FROM:TO"),
+        (["simulate", "quadcopter", "-o", "{tmp}/a.csv", "--silent", "mag=a:b"], "not a number"),
         (["run", "{log}", "--world", "xyz"], "'xyz' is not one of"),
     ],
 )

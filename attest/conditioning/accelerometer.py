@@ -12,12 +12,11 @@ from attest.conditioning.timeline import BREAK, SECOND, Timeline
 from attest.config import Conditioning
 from attest.errors import ReadError
 from attest.geometry import quaternion
+from attest.geometry.earth import GRAVITY
 from attest.recording import Note, Recording, Signal, seconds
 
 Array = NDArray[np.float64]
 
-GRAVITY = 9.80665
-"""Standard gravity, m/s²; only its direction matters to the observers."""
 LOAD = 0.05
 """Share of gravity by which the specific force differs where it is half believed to be gravity."""
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from attest.conditioning.accelerometer import GRAVITY
+from attest.geometry.earth import GRAVITY
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

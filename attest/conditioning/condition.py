@@ -1,5 +1,6 @@
 """The stages of conditioning, in order."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -50,23 +51,17 @@ def condition(recording: Recording, config: Configuration) -> tuple[Samples, tup
     notes += told
     recording, line = apart(recording, replace(gyro, y=rates.at), rates.mean, restart)
     wanted = _vectors(recording, config)
-    found: dict[str, Measured] = {}
-    # the magnetometer last: its dip may be told by any of the others
-    for vector in sorted(wanted, key=lambda vector: vector.signal == "mag"):
-        before = list(found.values())
-        found[vector.signal], told = _measure(recording, line, vector, before, config.conditioning)
-        notes += told
+    found, told = _measured(recording, line, wanted, config.conditioning)
+    notes += told
     torque, told = _torque(recording, line, config.conditioning)
     notes += told
-    field = found["mag"].field if "mag" in found else None
-    measured = _stack([found[vector.signal].body for vector in wanted], len(gyro.t))
-    found, told = smooth(found, line, restart, rates.deviation, config.conditioning)
+    smoothed, told = smooth(found, line, restart, rates.deviation, config.conditioning)
     notes += told
-    vectors = [found[vector.signal] for vector in wanted]
+    vectors = [smoothed[vector.signal] for vector in wanted]
     samples = Samples(
         t=gyro.t,
         gyro=rates.over,
-        measured=measured,
+        measured=_stack([found[vector.signal].body for vector in wanted], len(gyro.t)),
         world=recording.world,
         mean=rates.mean,
         rate=rates.at,
@@ -79,7 +74,7 @@ def condition(recording: Recording, config: Configuration) -> tuple[Samples, tup
         restart=restart,
         length=np.stack([v.length for v in vectors], axis=1) if vectors else None,
         torque=torque,
-        field=field,
+        field=found["mag"].field if "mag" in found else None,
         rest=_rest(recording, line, vectors, config.conditioning),
     )
     return samples, (*notes, *_unobservable(samples.names, recording))
@@ -140,6 +135,20 @@ def _vectors(recording: Recording, config: Configuration) -> tuple[Vector, ...]:
         return config.vectors
     usual = (name for name in ("accel", "mag") if name in recording.signals)
     return tuple(Vector(signal=name) for name in usual if len(usable(recording.signals[name])[0].t))
+
+
+def _measured(
+    recording: Recording, line: Timeline, wanted: Sequence[Vector], config: Conditioning
+) -> tuple[dict[str, Measured], list[Note]]:
+    """Bring the vectors to the timeline, by their signals."""
+    found: dict[str, Measured] = {}
+    notes = []
+    # the magnetometer last: its dip may be told by any of the others
+    for vector in sorted(wanted, key=lambda vector: vector.signal == "mag"):
+        before = list(found.values())
+        found[vector.signal], told = _measure(recording, line, vector, before, config)
+        notes += told
+    return found, notes
 
 
 def _measure(

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from attest.conditioning import frame, windows
+from attest.conditioning.measured import unit
 from attest.conditioning.rows import first_of_cells
 from attest.conditioning.timeline import SECOND, Timeline
 from attest.conditioning.windows import Windows
@@ -126,7 +127,7 @@ def field(line: Timeline, mag: Signal, force: Array | None) -> Field | None:
     up = None
     if force is not None:
         near = frame.nearest(line.t, t)[0]
-        up = _unit(_means(quaternion.rotate(line.D[near], force[near]), window))
+        up = unit(_means(quaternion.rotate(line.D[near], force[near]), window))
     X = np.empty((len(y), 3, 12))
     windows.columns(D, y / strength, X)
     return Field(X, strength, window, up)
@@ -221,8 +222,3 @@ def _means(values: Array, window: Windows) -> Array:
 
 def _spread(values: Array) -> float:
     return float(np.abs(values - middle(values)).mean())
-
-
-def _unit(v: Array) -> Array:
-    unit: Array = v / np.maximum(np.linalg.norm(v, axis=1, keepdims=True), 1e-12)
-    return unit

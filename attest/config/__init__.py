@@ -4,6 +4,7 @@ Precedence: code defaults < YAML < ``--set``. What ran is saved with the results
 them.
 """
 
+from attest.config.alike import refuse_unlike, sampling, with_its_sensors
 from attest.config.check import validate
 from attest.config.csv import Csv
 from attest.config.files import dump, effective, find, folder, override, read, shipped
@@ -50,6 +51,9 @@ __all__ = [
     "folder",
     "override",
     "read",
+    "refuse_unlike",
+    "sampling",
     "shipped",
     "validate",
+    "with_its_sensors",
 ]

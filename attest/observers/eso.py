@@ -34,10 +34,9 @@ from attest.observers.observer import (
     initial_attitude,
     mean_rate,
     record,
-    segments,
     steps,
 )
-from attest.samples import Samples
+from attest.samples import Samples, segments
 
 Array = NDArray[np.float64]
 State = tuple[Quaternion, Vector, Vector]

@@ -14,10 +14,9 @@ from attest.observers.observer import (
     gain_matrices,
     initial_attitude,
     record,
-    segments,
     whole_steps,
 )
-from attest.samples import Samples, mean_rates
+from attest.samples import Samples, mean_rates, segments
 
 Array = NDArray[np.float64]
 Given = tuple[Array, Array, Array, Array, Quaternion, Vector]

@@ -37,11 +37,10 @@ from attest.observers.observer import (
     initial_attitude,
     mean_rate,
     record,
-    segments,
     steps,
     turn_noise,
 )
-from attest.samples import Samples
+from attest.samples import Samples, segments
 
 Array = NDArray[np.float64]
 Covariance = tuple[Matrix, Matrix, Matrix]

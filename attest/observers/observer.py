@@ -1,8 +1,7 @@
 """What an observer is to the rest of the program."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from attest.geometry.jit import kernel
 from attest.geometry.mat3 import Matrix
 from attest.geometry.so3 import Quaternion, Vector
 from attest.recording import Note
-from attest.samples import Samples, mean_rates
+from attest.samples import Samples, mean_rates, segments
 from attest.smoothing.inputs import variance
 
 Array = NDArray[np.float64]
@@ -52,13 +51,6 @@ class Observer:
     """What its theory promises of this run, against what was seen."""
     notes: Callable[[Samples, Estimates, Any], tuple[Note, ...]] = _nothing
     """What it did to the data, and what in its answer is doubtful."""
-
-
-def segments(samples: Samples) -> Iterator[slice]:
-    """Yield the stretches between restarts."""
-    edges = [*np.flatnonzero(samples.restart), len(samples.t)]
-    for first, last in pairwise(edges):
-        yield slice(int(first), int(last))
 
 
 def whole_steps(samples: Samples, part: slice) -> Array:

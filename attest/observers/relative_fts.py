@@ -37,11 +37,10 @@ from attest.observers.observer import (
     known_vectors,
     mean_rate,
     record,
-    segments,
     steps,
     whole_steps,
 )
-from attest.samples import Samples
+from attest.samples import Samples, segments
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

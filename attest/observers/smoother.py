@@ -31,6 +31,7 @@ from attest.config import Configuration, Section, SmoothedConditioning, Weights
 from attest.errors import ConfigError
 from attest.estimates import Estimates
 from attest.geometry import mat3, quaternion, so3, wahba
+from attest.geometry.earth import GRAVITY
 from attest.geometry.jit import kernel
 from attest.observers.observer import (
     COLUMNS,
@@ -39,10 +40,9 @@ from attest.observers.observer import (
     gain_matrices,
     initial_attitude,
     record,
-    segments,
 )
 from attest.recording import Note
-from attest.samples import Samples
+from attest.samples import Samples, segments
 from attest.smoothing import factors, inputs, smooth, spread, start, told
 from attest.smoothing.factors import CONSTANTS
 from attest.smoothing.path import Expected, Nodes, Path
@@ -58,7 +58,7 @@ REST_RATE = 3e-4
 DIRECTION_TIME = 1.0
 """How long the error of any other vector stays the same, s."""
 
-IRON, FIELD, GRAVITY, LEAN = 9, 12, 14, 15
+IRON, FIELD, WEIGHT, LEAN = 9, 12, 14, 15
 """Where hard iron, field, scale of gravity and accelerometer's bias are among the constants."""
 HALF = sqrt(factors.TAIL + 3.0)
 """Deviations at which a field counts half."""
@@ -171,10 +171,10 @@ def _start(samples: Samples, log: Log, nodes: Nodes, config: Config) -> Path:
     }
     u = samples.body.copy()
     if "accel" in samples.names:  # swings even out of forces, and not of their directions
-        u[:, samples.names.index("accel")] = log.force / inputs.G
+        u[:, samples.names.index("accel")] = log.force / GRAVITY
     vectors = start.Vectors(log.h, u, np.ascontiguousarray(samples.inertial), samples.valid)
     c = np.zeros(CONSTANTS)
-    c[FIELD], c[GRAVITY] = 1.0, 1.0
+    c[FIELD], c[WEIGHT] = 1.0, 1.0
     return Path(
         q=start.attitudes(vectors, samples.gyro - b, nodes.at, first),
         v=np.zeros((N, 3)),
@@ -245,7 +245,7 @@ def _constants(found: Found, north: Array, expected: float) -> dict[str, Array]:
         "gyro_scale": c[:IRON].reshape(3, 3),
         "hard_iron": c[IRON:FIELD],
         "field": c[FIELD] * north + np.array([0.0, 0.0, c[FIELD + 1]]),
-        "gravity_scale": c[GRAVITY],
+        "gravity_scale": c[WEIGHT],
         "accel_bias": c[LEAN:],
         "field_unlike": np.mean(off > HALF * expected, keepdims=True) if len(off) else off,
     }

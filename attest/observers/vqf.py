@@ -27,9 +27,8 @@ from attest.observers.observer import (
     estimates,
     gain_matrices,
     record,
-    segments,
 )
-from attest.samples import Samples
+from attest.samples import Samples, segments
 
 Array = NDArray[np.float64]
 

@@ -10,13 +10,11 @@ from typing import NamedTuple
 
 from attest.config import Csv
 from attest.errors import ConfigError, ReadError
+from attest.geometry.earth import GRAVITY
 from attest.readers import csv_head
 from attest.readers.csv_cells import Stamps
 from attest.readers.csv_head import TIME, Layout
 from attest.recording import Kind
-
-G = 9.80665
-"""m/s², of the accelerometers that measure in it."""
 
 _REF = ("ref_qw", "ref_qx", "ref_qy", "ref_qz")
 _POSITION = ("lat_deg", "lon_deg", "alt_m")
@@ -25,7 +23,8 @@ _NAMES = {"vel": "velocity"}
 _RESERVED = ("position", "velocity")
 """Signals with a meaning that ``<name>_x`` columns would not have."""
 _FACTORS = {
-    "rad/s": 1.0, "deg/s": pi / 180.0, "m/s2": 1.0, "m/s^2": 1.0, "g": G, "mg": 1e-3 * G,
+    "rad/s": 1.0, "deg/s": pi / 180.0, "m/s2": 1.0, "m/s^2": 1.0,
+    "g": GRAVITY, "mg": 1e-3 * GRAVITY,
     "T": 1.0, "mT": 1e-3, "uT": 1e-6, "nT": 1e-9, "gauss": 1e-4, "mgauss": 1e-7,
 }  # fmt: skip
 """To SI."""

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from attest.geometry import quaternion
+from attest.geometry.earth import GRAVITY
 from attest.readers import gps
 from attest.recording import Kind
 
@@ -19,8 +20,6 @@ Rows = NDArray[np.void]
 Array = NDArray[np.float64]
 Values = tuple[Array, NDArray[np.bool_]]
 
-G = 9.80665
-"""Standard gravity, m/s²."""
 GAUSS = 1e-4
 """Tesla."""
 UNKNOWN = 255
@@ -36,7 +35,7 @@ UPDATED = {"accel": 0b111, "gyro": 0b111 << 3, "mag": 0b111 << 6}
 """Bits of HIGHRES_IMU.fields_updated."""
 _SCALES = {
     "HIGHRES_IMU": {"accel": 1.0, "gyro": 1.0, "mag": GAUSS},
-    "": {"accel": G * 1e-3, "gyro": 1e-3, "mag": GAUSS * 1e-3},  # mg, mrad/s, mgauss
+    "": {"accel": GRAVITY * 1e-3, "gyro": 1e-3, "mag": GAUSS * 1e-3},  # mg, mrad/s, mgauss
 }
 _FIELDS = {"accel": "acc", "gyro": "gyro", "mag": "mag"}
 

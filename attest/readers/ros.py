@@ -8,7 +8,7 @@ import numpy as np
 
 from attest.errors import ReadError
 from attest.geometry import quaternion
-from attest.readers import ros_axes, ros_choose, ros_clock, ros_decoded, ros_files
+from attest.readers import gps, ros_axes, ros_choose, ros_clock, ros_decoded, ros_files
 from attest.readers.options import ReadOptions
 from attest.readers.ros_clock import Lag
 from attest.readers.ros_decode import Array, Ints
@@ -111,12 +111,23 @@ def _signals(log: _Log) -> dict[str, Signal]:
             right = ros_axes.into_body(right, log.main.frame, known, log.notes)
         if (signal := _signal(log, _turned(log, right))) is not None:
             found[role] = signal
+    if "velocity" in found and not log.chosen["velocity"].type.endswith("/Odometry"):
+        velocity = gps.vetted(found.pop("velocity"), list(_receivers(log)), log.notes)
+        found |= {} if velocity is None else {"velocity": velocity}
     if log.main.role == "gyro" and "gyro" not in found:
         raise ReadError(f"{log.path}: no gyroscope sample in {log.main.topic} can be used. "
                         "Choose another: --set input.topics.gyro=TOPIC.")  # fmt: skip
     if not found:
         raise ReadError(f"{log.path}: no feature point can be used. Record the log again.")
     return found
+
+
+def _receivers(log: _Log) -> Iterator[gps.Receiver]:
+    """Yield what receivers say of their fix; an odometry has its own word, and other sensors."""
+    for offer in log.offers:
+        if offer.role == "fix":
+            t, rows = ros_clock.times(offer, log.lag, [])  # told of its position
+            yield gps.Receiver(offer.topic, t, offer.y[rows, 0] > 0.0, np.zeros(len(t)))
 
 
 def _turned(log: _Log, offer: Offer) -> Offer:

@@ -27,7 +27,7 @@ class Offer:
 
     role: str
     """``gyro``, ``accel``, ``mag``, ``velocity``, ``position``, ``torque``, ``point``,
-    ``reference``."""
+    ``fix``, ``reference``."""
     topic: str
     type: str
     record: Ints
@@ -72,11 +72,12 @@ def vector(table: Table) -> Iterator[Offer]:
 
 
 def fix(table: Table) -> Iterator[Offer]:
-    """Place on the globe, where the receiver has one."""
+    """Place on the globe, where the receiver has one; and when it has, 1, and when not, -1."""
     names = ("latitude", "longitude", "altitude")
     y = gathered(table, lambda group: _columns(group, names))
     held = gathered(table, lambda group: group.numbers("status.status")) >= 0
     yield _offer(table, "position", y, held)
+    yield _offer(table, "fix", np.where(held, 1.0, -1.0)[:, np.newaxis])
 
 
 def odometry(table: Table) -> Iterator[Offer]:

@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-GRAVITY = "9.81 m/s²"
+from attest.geometry.earth import GRAVITY
+
 TOGETHER = 0.5
 """Share of a vector's motion that the gyroscope explains, from which the two agree."""
 NAMES = {"mag": "magnetometer", "accel": "accelerometer", "reference": "reference"}
@@ -60,7 +61,10 @@ def _range(low: float, high: float) -> str:
 def _physics(info: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     earth, motion = info["earth"], info["motion"]
     if "gravity_ms2" in earth:
-        yield "gravity", f"{earth['gravity_ms2']:.2f} m/s² in the median, {GRAVITY} expected"
+        yield (
+            "gravity",
+            f"{earth['gravity_ms2']:.2f} m/s² in the median, {GRAVITY:.2f} m/s² expected",
+        )
     if "field_ut" in earth:
         yield "field", _field(earth)
     if "place" in earth:

@@ -11,11 +11,11 @@ World is NED, body FRD, everything a function of time but the path, which is int
 import numpy as np
 
 from attest.geometry import quaternion
+from attest.geometry.earth import GRAVITY
 from attest.recording import Signal, seconds
 from attest.simulation import curves, noise, sensors
 from attest.simulation.flight import Array, Flight
 from attest.simulation.quadcopter import UTC_AT_BOOT
-from attest.simulation.trajectory import G
 
 DURATION = 300.0
 """s."""
@@ -90,7 +90,7 @@ def attitude(t: Array) -> Array:
     level = quaternion.from_euler(np.zeros_like(t), gamma, psi)
     felt = quaternion.rotate(quaternion.conjugate(level), _felt(t))
     bank = np.arctan2(felt[:, 1], -felt[:, 2])
-    load = np.hypot(felt[:, 1], felt[:, 2]) / G
+    load = np.hypot(felt[:, 1], felt[:, 2]) / GRAVITY
     banked = quaternion.multiply(level, _about(0, bank))
     q = quaternion.multiply(banked, _about(1, _ALPHA * load))
     for axis, (size, w) in enumerate(_GUSTS):
@@ -104,7 +104,7 @@ def specific_force(t: Array) -> Array:
 
 
 def _felt(t: Array) -> Array:
-    felt: Array = curves.derivative(velocity, t) - np.array([0.0, 0.0, G])
+    felt: Array = curves.derivative(velocity, t) - np.array([0.0, 0.0, GRAVITY])
     return felt
 
 
@@ -131,7 +131,7 @@ def _course(t: Array) -> Array:
     """Heading of the velocity through the air, rad."""
     psi = np.full_like(t, np.radians(20.0))
     for start, end, bank in _TURNS:
-        turn = G / AIRSPEED * np.tan(np.radians(bank))  # of level flight, rad/s
+        turn = GRAVITY / AIRSPEED * np.tan(np.radians(bank))  # of level flight, rad/s
         psi += turn * (curves.ramp(t, start, _ROLL_IN) - curves.ramp(t, end - _ROLL_IN, _ROLL_IN))
     return psi
 

@@ -11,10 +11,10 @@ World is NED, body FRD, everything a function of time.
 import numpy as np
 
 from attest.geometry import quaternion
+from attest.geometry.earth import GRAVITY
 from attest.recording import Signal, seconds
 from attest.simulation import curves, noise, sensors
 from attest.simulation.flight import Array, Flight
-from attest.simulation.trajectory import G
 
 DURATION = 120.0
 """s."""
@@ -97,7 +97,7 @@ def place(t: Array) -> Array:
 
 def specific_force(t: Array) -> Array:
     """R^T (a - g), m/s² in the body, (n, 3)."""
-    felt = curves.second_derivative(place, t) - np.array([0.0, 0.0, G])
+    felt = curves.second_derivative(place, t) - np.array([0.0, 0.0, GRAVITY])
     return quaternion.rotate(quaternion.conjugate(attitude(t)), felt)
 
 

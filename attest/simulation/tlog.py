@@ -13,10 +13,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from attest.errors import ConfigError
 from attest.geometry import quaternion
+from attest.geometry.earth import GRAVITY
 from attest.simulation import sensors
 from attest.simulation.flight import Array, Flight, Times, believed, following
 
-G = 9.80665  # RAW_IMU counts in mG of standard gravity
 _SECOND = 10**9
 _TOGETHER = (("gyro", "accel", "mag"), ("position", "velocity"))
 """What one message carries."""
@@ -108,7 +108,7 @@ def _attitude(flight: Flight, autopilot: Array) -> Iterator[_Sent]:
 def _imu(flight: Flight) -> Iterator[_Sent]:
     """RAW_IMU in ArduPilot's units: mG, mrad/s and mgauss, whole."""
     gyro, accel, mag = (flight.signals[name] for name in ("gyro", "accel", "mag"))
-    columns = np.hstack([accel.y / G * 1e3, gyro.y * 1e3, mag.y * 1e7])
+    columns = np.hstack([accel.y / GRAVITY * 1e3, gyro.y * 1e3, mag.y * 1e7])
     for t, counts in zip(gyro.t.tolist(), _whole(columns, 16), strict=True):
         raw_imu = mavlink.MAVLink_raw_imu_message(t // 1000, *counts, id=0, temperature=3150)
         yield _Sent(t, 2, raw_imu)

@@ -16,11 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from attest.geometry import quaternion
+from attest.geometry.earth import GRAVITY
 
 Array = NDArray[np.float64]
 
-G = 9.80665
-"""Standard gravity, m/s²."""
 DURATION = 64.0
 """Of the flight, s."""
 _DRAG = 0.2
@@ -61,7 +60,7 @@ def kinematics(t: Array) -> tuple[Array, Array, Array]:
 def attitude(t: Array) -> Array:
     """Quaternion body to NED at t seconds, (n, 4): thrust along body -z, heading as planned."""
     _, velocity, acceleration = kinematics(t)
-    down = np.array([0.0, 0.0, G]) - acceleration - _DRAG * velocity  # body z in the world
+    down = np.array([0.0, 0.0, GRAVITY]) - acceleration - _DRAG * velocity  # body z in the world
     yaw = _heading(t)
     ahead = np.cos(yaw) * down[:, 0] + np.sin(yaw) * down[:, 1]
     aside = np.cos(yaw) * down[:, 1] - np.sin(yaw) * down[:, 0]
@@ -82,7 +81,7 @@ def angular_velocity(t: Array) -> Array:
 def specific_force(t: Array) -> Array:
     """R^T (a - g) at t seconds, m/s² in the body, (n, 3)."""
     _, _, acceleration = kinematics(t)
-    felt = acceleration - np.array([0.0, 0.0, G])
+    felt = acceleration - np.array([0.0, 0.0, GRAVITY])
     return quaternion.rotate(quaternion.conjugate(attitude(t)), felt)
 
 

@@ -224,7 +224,7 @@ def build(
     for k in range(len(nodes.at) - 1):
         first, last = nodes.at[k], nodes.at[k + 1]
         if nodes.broken[k]:
-            bias_walk(chain, k, J, path, 1.0, noise)
+            bias_walk(chain, k, J, path, nodes.gap[k], noise)
             still(chain, k, path, nodes, time, noise)
             continue
         q, b = so3.row4(path.q, k), so3.row(path.b, k)

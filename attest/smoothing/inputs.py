@@ -1,26 +1,17 @@
 """From samples to what is smoothed: the log by kinds of vectors, and where its nodes are."""
 
-from itertools import pairwise
-
 import numpy as np
 from numpy.typing import NDArray
 
-from attest.samples import Samples
+from attest.geometry.earth import GRAVITY
+from attest.samples import Samples, segments
 from attest.smoothing.path import Nodes
 from attest.smoothing.stretch import Log
 
 Array = NDArray[np.float64]
 
-G = 9.80665
-"""Standard gravity, m/s²."""
 AROUND = 17
 """Steps over which noise is taken as the same."""
-
-
-def segments(samples: Samples) -> list[slice]:
-    """Return the stretches between restarts."""
-    edges = [*np.flatnonzero(samples.restart).tolist(), len(samples.t)]
-    return [slice(first, last) for first, last in pairwise(edges)]
 
 
 def nodes(samples: Samples, apart: float) -> Nodes:
@@ -34,7 +25,8 @@ def nodes(samples: Samples, apart: float) -> Nodes:
         broken.append(len(at) - 1)
     steps = np.array(at, np.int64)
     ends = np.isin(np.arange(len(steps)), broken[:-1])
-    return Nodes(steps, ends, _rests(samples, steps, ends), _moving(samples, steps))
+    gap = np.where(ends, np.diff(samples.t[steps], append=samples.t[-1]) * 1e-9, 0.0)
+    return Nodes(steps, ends, gap, _rests(samples, steps, ends), _moving(samples, steps))
 
 
 def _rests(samples: Samples, at: NDArray[np.int64], broken: NDArray[np.bool_]) -> Array:
@@ -77,14 +69,14 @@ def log(samples: Samples, least: tuple[float, float]) -> Log:
     force, expected, force_valid, field, field_valid = none, none[:1], never, none, never
     if "accel" in names:
         i = names.index("accel")
-        length = np.full(n, G) if samples.length is None else samples.length[:, i]
+        length = np.full(n, GRAVITY) if samples.length is None else samples.length[:, i]
         force, force_valid = length[:, np.newaxis] * samples.body[:, i], samples.valid[:, i]
         rough = force
-        expected = G * samples.inertial[:, i]
+        expected = GRAVITY * samples.inertial[:, i]
         if len(expected) > 1:  # directions, of which neither has the length
             rough = length[:, np.newaxis]
             # without a velocity there, what is expected is gravity, and the force is as measured
-            force = np.where(_aided(expected)[:, np.newaxis], G * samples.body[:, i], force)
+            force = np.where(_aided(expected)[:, np.newaxis], GRAVITY * samples.body[:, i], force)
     if "mag" in names:
         i = names.index("mag")
         length = np.ones(n) if samples.length is None else samples.length[:, i]

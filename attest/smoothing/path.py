@@ -15,6 +15,8 @@ class Nodes(NamedTuple):
     """Step of each node, (N,)."""
     broken: NDArray[np.bool_]
     """Whether a restart lies between a node and the next, (N,)."""
+    gap: Array
+    """How long nothing is measured behind such a node, s, (N,); 0 elsewhere."""
     rest: Array
     """How long the rest lasts that the stretch is in, s, (N,); 0 in motion."""
     moving: NDArray[np.bool_]

@@ -103,7 +103,12 @@ def _prepared(
             logs.append(log)
     if not logs:
         raise ReadError(f"none of {len(paths)} logs can be used. {next(iter(failed.values()))}")
-    return scoring.doubted_copies(logs), failed
+    return scoring.doubted_copies(logs, _count(logs, plan)), failed
+
+
+def _count(logs: Sequence[Log], plan: Plan) -> int:
+    """Return how many folds several logs are cut into: each n-th of them is held back together."""
+    return min(plan.folds, len(logs))
 
 
 def _task(logs: tuple[Log, ...], plan: Plan) -> tuple[Task, list[str]]:
@@ -113,7 +118,7 @@ def _task(logs: tuple[Log, ...], plan: Plan) -> tuple[Task, list[str]]:
         blocks = [scoring.in_time(logs[0], count)]
         names = [f"block {fold + 1} of {count}" for fold in range(count)]
     else:
-        count = min(plan.folds, len(logs))
+        count = _count(logs, plan)
         blocks = [scoring.as_one(log, i % count) for i, log in enumerate(logs)]
         names = [", ".join(log.path.name for log in logs[fold::count]) for fold in range(count)]
     one = np.eye(count, dtype=np.bool_)

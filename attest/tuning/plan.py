@@ -9,6 +9,8 @@ from attest.tuning.scoring import Log
 
 WORTH = 0.01
 """Least share of the held-back error that must go for tuning to be worthwhile; less is chance."""
+SHORT = 2
+"""Generations of a search that is too short to tell."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,9 +82,9 @@ class Tuned:
 
     @property
     def worthwhile(self) -> bool:
-        """Whether tuning made the held-back error less, together and in most folds."""
+        """Whether enough search made the held-back error less, together and in most folds."""
         less = self.held_back.tuned < (1.0 - WORTH) * self.held_back.start
-        return less and 2 * self.nearer > len(self.folds)
+        return less and 2 * self.nearer > len(self.folds) and self.plan.generations > SHORT
 
     def configuration(self, start: Configuration) -> Configuration:
         """Return a configuration with the tuned values, or as it is where they are not worth it."""

@@ -42,6 +42,10 @@ class Log:
     """Which samples are scored, shape (n,)."""
     doubts: tuple[str, ...]
     """What is doubtful about its data."""
+    vehicle: tuple[str, str]
+    """The log's format, and how that names its vehicle."""
+    utc: tuple[int, int] | None
+    """When it begins and ends, nanoseconds since 1970; None where that is not known."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,7 +93,16 @@ def prepare(path: Path, configuration: Configuration, skip_s: float, *, recondit
         q_ref=q_ref,
         scored=_scored(path, samples, q_ref, skip_s),
         doubts=tuple(note.text for note in told if note.doubt),
+        vehicle=(recording.format, recording.vehicle),
+        utc=_utc(recording, samples),
     )
+
+
+def _utc(recording: Recording, samples: Samples) -> tuple[int, int] | None:
+    offset = recording.clock.utc_offset
+    if offset is None:
+        return None
+    return int(samples.t[0]) + offset, int(samples.t[-1]) + offset
 
 
 def _scored(path: Path, samples: Samples, q_ref: Array, skip_s: float) -> NDArray[np.bool_]:
@@ -104,17 +117,37 @@ def _scored(path: Path, samples: Samples, q_ref: Array, skip_s: float) -> NDArra
     return scored
 
 
-def doubted_copies(logs: Sequence[Log]) -> tuple[Log, ...]:
-    """Add to the doubts of a log that it is of the same flight as one before it."""
-    return tuple(_doubted(log, logs[:i]) for i, log in enumerate(logs))
+def doubted_copies(logs: Sequence[Log], folds: int) -> tuple[Log, ...]:
+    """Add to the doubts of a log that it is of the same flight as one of another fold before it.
+
+    Those of one fold are held back together.
+    """
+    return tuple(
+        _doubted(log, [other for j, other in enumerate(logs[:i]) if (i - j) % folds])
+        for i, log in enumerate(logs)
+    )
 
 
 def _doubted(log: Log, others: Sequence[Log]) -> Log:
-    same = next((other for other in others if _same_flight(other, log)), None)
-    if same is None:
-        return log
-    doubt = f"the same flight as {same.path.name}: held back, it is known by that one"
-    return replace(log, doubts=(*log.doubts, doubt))
+    told = {
+        "the same flight as {}: held back, it is known by that one": _same_flight,
+        "its time overlaps that of {}: if that is the same flight, it is known by it": _overlap,
+    }
+    for doubt, alike in told.items():
+        same = next((other for other in others if alike(other, log)), None)
+        if same is not None:
+            return replace(log, doubts=(*log.doubts, doubt.format(same.path.name)))
+    return log
+
+
+def _overlap(one: Log, other: Log) -> bool:
+    """Whether two logs are of one time, and not of two vehicles as far as that is known."""
+    if one.utc is None or other.utc is None:
+        return False
+    (a, b), (c, d) = one.utc, other.utc
+    # how vehicles are named tells them apart within one format only
+    apart = one.vehicle != other.vehicle and one.vehicle[0] == other.vehicle[0]
+    return a < d and c < b and not apart
 
 
 def _same_flight(one: Log, other: Log) -> bool:

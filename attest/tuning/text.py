@@ -9,7 +9,7 @@ import attest
 from attest import config
 from attest.config import Configuration
 from attest.tuning.knobs import Values, points_of
-from attest.tuning.plan import Errors, Tuned
+from attest.tuning.plan import SHORT, Errors, Tuned
 
 AUTOPILOT = "an autopilot's attitude is not truth: what is tuned towards it becomes like it"
 
@@ -131,7 +131,10 @@ def _verdict(tuned: Tuned) -> str:
     said = f"what was held back is nearer in {better} of {folds} folds"
     if tuned.worthwhile:
         return f"Tuning is worthwhile: {said}. These are the tuned values."
-    said += ", and not by 1 % in all" if 2 * better > folds else ", which is not most of them"
+    if tuned.plan.generations <= SHORT:
+        said += f", and {SHORT} generations tell little: raise --generations"
+    else:
+        said += ", and not by 1 % in all" if 2 * better > folds else ", which is not most of them"
     return f"Tuning is NOT worthwhile: {said}. The starting values are kept."
 
 

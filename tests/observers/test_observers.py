@@ -14,6 +14,7 @@ from attest.config import Configuration, Initial
 from attest.errors import ConfigError
 from attest.geometry import quaternion
 from attest.observers import observer
+from attest.samples import segments
 
 SECOND = 1_000_000_000
 FOLDER = Path(observers.__file__).parent
@@ -92,8 +93,8 @@ def made(n=6, restart=(), inertial=None, valid=None):
 
 
 def test_segments_are_the_stretches_between_restarts():
-    assert list(observer.segments(made())) == [slice(0, 6)]
-    assert list(observer.segments(made(restart=[2, 5]))) == [slice(0, 2), slice(2, 5), slice(5, 6)]
+    assert list(segments(made())) == [slice(0, 6)]
+    assert list(segments(made(restart=[2, 5]))) == [slice(0, 2), slice(2, 5), slice(5, 6)]
 
 
 def test_steps_are_seconds_of_a_sub_step_and_the_last_of_a_stretch_is_none():

@@ -11,12 +11,12 @@ from numpy.testing import assert_allclose
 from scipy.io import loadmat
 from scipy.spatial.transform import Rotation
 
-from attest import conditioning, pipeline
+from attest import conditioning, config, pipeline
 from attest.conditioning.rest import rest
 from attest.errors import ConfigError
 from attest.evaluation import attestation
 from attest.geometry import quaternion
-from attest.observers import smoother
+from attest.observers import cgo, smoother
 from attest.recording import Clock, Recording, Signal
 
 H = 0.01
@@ -293,6 +293,44 @@ def test_it_is_the_reference_of_a_log_that_is_asked_for_and_no_truth():
     assert any("not truth" in note.text for note in found.notes)
     ours = pipeline.run(LOG, pipeline.configure("smoother", ["evaluation.reference=none"]))
     assert_allclose(found.metrics.q_ref, ours.estimates.q, atol=1e-9)
+
+
+def test_as_a_reference_it_has_the_vectors_and_the_calibration_of_the_run():
+    given = {
+        "vectors": [{"signal": "mag", "reference": "north"}],
+        "conditioning": {
+            "magnetometer": {"calibrate": {"hard_iron": [1.0, 2.0, 3.0]}, "latency_s": 0.1},
+            "accelerometer": {"bias": [0.1, 0.0, 0.0]},
+            "gyroscope": {"bias": [0.0, 0.01, 0.0], "sample": "ends"},
+        },
+    }
+    whole = config.validate(cgo.Config, {"observer": "cgo", **given}, "given")
+    made = config.with_its_sensors(smoother.Config, "smoother", whole)
+    assert made.vectors == whole.vectors
+    assert made.conditioning.magnetometer.calibrate == whole.conditioning.magnetometer.calibrate
+    assert made.conditioning.magnetometer.latency_s == 0.1
+    assert made.conditioning.accelerometer == whole.conditioning.accelerometer
+    assert made.conditioning.gyroscope.bias == (0.0, 0.01, 0.0)
+    own = smoother.Config()
+    assert made.conditioning.gyroscope.sample == own.conditioning.gyroscope.sample
+    assert made.conditioning.smoothing == own.conditioning.smoothing
+    plain = config.with_its_sensors(smoother.Config, "smoother", cgo.Config())
+    assert plain == own
+
+
+def test_it_is_no_reference_for_itself():
+    itself = pipeline.configure("smoother", ["evaluation.reference=smoother"])
+    with pytest.raises(ConfigError, match="no reference for itself"):
+        pipeline.run(LOG, itself)
+
+
+@pytest.mark.slow
+def test_compare_leaves_it_out_of_the_ranking_against_itself():
+    wanted = ["evaluation.reference=smoother"]
+    configurations = {name: pipeline.configure(name, wanted) for name in ("smoother", "cgo")}
+    results, failed = pipeline.compare(LOG, configurations)
+    assert [result.estimates.observer for result in results] == ["cgo"]
+    assert failed == {"smoother": "is the reference, and not ranked against itself"}
 
 
 BROAD = {

@@ -44,7 +44,8 @@ def test_other_signals(tmp_path, kind):
     recording = read(log, tmp_path)
     assert_array_equal(recording.signals["position"].y, [(47.0, 8.0, i) for i in range(1, 50)])
     assert notes(recording)["/fix position without a value dropped"] == 1
-    assert_array_equal(recording.signals["velocity"].y[7], [8, 2, 3])
+    assert notes(recording)["/vel velocity without a 3D fix dropped"] == 1
+    assert_array_equal(recording.signals["velocity"].y[7], [9, 2, 3])
     assert_array_equal(recording.signals["torque"].y[7], [7, 5, 6])
     assert_allclose(recording.signals["mag"].y[0], [2e-5, 1e-5, -4e-5])
     assert recording.signals["mag"].source == "/magnetic"
@@ -72,6 +73,32 @@ def test_attitudes(tmp_path, kind, type_, path):
     reference = read(log, tmp_path).references["/vicon/drone"]
     assert reference.kind == "truth"
     assert_allclose(reference.q, [swing(i) for i in range(50)], atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("statuses", "type_", "kept"),
+    [
+        (range(10, 30), "geometry_msgs/msg/TwistStamped", 30),
+        (range(10, 30), "nav_msgs/msg/Odometry", 50),  # of other sensors too, and tells of itself
+        (
+            range(50),
+            "geometry_msgs/msg/TwistStamped",
+            50,
+        ),  # never a fix: the velocity is of something else
+    ],
+)
+def test_velocity_while_the_receiver_has_no_fix_is_left_out(tmp_path, statuses, type_, kept):
+    log = flight(Log())
+    fields = {"twist": {"linear": xyz(1, 2, 3)}}
+    if type_.endswith("Odometry"):
+        fields = {"pose": {"pose": {"orientation": xyzw(TURN)}}, "twist": fields}
+    for i, t in enumerate(times()):
+        log.add("/vel", type_, t, frame="map", **fields)
+        log.add("/fix", "sensor_msgs/msg/NavSatFix", t, latitude=47.0, longitude=8.0, altitude=i,
+                status={"status": -1 if i in statuses else 0})  # fmt: skip
+    recording = read(log, tmp_path)
+    assert len(recording.signals["velocity"].t) == kept
+    assert ("/vel velocity without a 3D fix dropped" in notes(recording)) is (kept < 50)
 
 
 def test_velocity_of_odometry_is_turned_to_the_world(tmp_path):

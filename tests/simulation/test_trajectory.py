@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from attest.geometry import quaternion
+from attest.geometry.earth import GRAVITY
 from attest.simulation import trajectory
 
 T = np.linspace(0.0, trajectory.DURATION, 20_001)
@@ -34,7 +35,7 @@ def test_angular_velocity_turns_the_attitude(t):
 def test_specific_force_is_what_an_accelerometer_feels():
     _, _, a = trajectory.kinematics(T)
     R = quaternion.to_matrix(trajectory.attitude(T))
-    felt = np.einsum("nji,nj->ni", R, a - [0.0, 0.0, trajectory.G])
+    felt = np.einsum("nji,nj->ni", R, a - [0.0, 0.0, GRAVITY])
     assert_allclose(trajectory.specific_force(T), felt, atol=1e-12)
 
 

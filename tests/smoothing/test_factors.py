@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from flights import samples
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from attest.geometry import quaternion
-from attest.smoothing import chain, factors
+from attest.smoothing import chain, factors, inputs
 from attest.smoothing.factors import CONSTANTS, NODE
 from attest.smoothing.path import Expected, Nodes, Path
 from attest.smoothing.stretch import Log
@@ -119,7 +120,8 @@ def residual(log, p, last=N - 1):
 
 def built(log, p):
     """Return the whole normal equations of two nodes, dense, and their right side."""
-    nodes = Nodes(np.array([0, N - 1]), np.zeros(2, np.bool_), np.zeros(2), np.zeros(2, np.bool_))
+    none = np.zeros(2, np.bool_)
+    nodes = Nodes(np.array([0, N - 1]), none, np.zeros(2), np.zeros(2), none)
     made = chain.empty(2, NODE, CONSTANTS)
     factors.build(made, log, nodes, p, tuple(NORTH.tolist()), NOISE, np.empty((2, 2)))
     A = np.zeros((2 * NODE + CONSTANTS,) * 2)
@@ -159,6 +161,28 @@ def test_normal_equations_are_those_of_the_transcribed_residuals(seen):
     assert_allclose(A / scale, J.T @ J / scale, atol=0.03)
     expected = -J.T @ residual(made, p)
     assert_allclose(b, expected, atol=0.03 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("gap", [5.0, 3600.0])
+def test_a_bias_wanders_over_a_restart_for_as_long_as_that_lasts(gap):
+    rng = np.random.default_rng(5)
+    made = chain.empty(2, NODE, CONSTANTS)
+    none = np.zeros(2, np.bool_)
+    nodes = Nodes(np.array([0, 1]), ~none, np.array([gap, 0.0]), np.zeros(2), none)
+    measured = log(rng)
+    p = path(rng, measured)
+    factors.build(made, measured, nodes, p, tuple(NORTH.tolist()), NOISE, np.empty((2, 2)))
+    assert_allclose(np.diag(made.H[1])[6:], 1.0 / (NOISE.bias_walk**2 * gap + 1e-14))
+
+
+def test_the_gap_of_a_restart_is_as_long_as_nothing_is_measured():
+    t = np.concatenate([np.arange(100), 1000 + np.arange(50)]) * 10_000_000
+    restart = np.isin(np.arange(150), [0, 100])
+    body = np.tile(np.eye(3)[:1], (150, 1, 1))
+    made = inputs.nodes(samples(t, np.zeros((150, 3)), body, body[:1], restart=restart), 0.25)
+    (at,) = np.flatnonzero(made.broken)
+    assert made.at[at] == 99
+    assert_allclose(made.gap, np.where(made.broken, 9.01, 0.0))
 
 
 def test_an_outlier_counts_for_less_and_never_for_nothing():

@@ -207,7 +207,10 @@ def test_logs_of_one_flight_are_doubted_on_whatever_clock_and_axes(sample_logs, 
     names = ("quadcopter.tlog", "quadcopter.bag", "quadcopter.ulg")
     logs = [scoring.prepare(sample_logs / n, slack, 0.0, reconditioned=False) for n in names]
     said = "the same flight as quadcopter.tlog: held back, it is known by that one"
-    assert [said in log.doubts for log in scoring.doubted_copies(logs)] == [False, True, True]
+    doubted = [said in log.doubts for log in scoring.doubted_copies(logs, 3)]
+    assert doubted == [False, True, True]
+    together = [said in log.doubts for log in scoring.doubted_copies(logs, 2)]
+    assert together == [False, True, False]  # the first and the third are held back together
 
 
 def test_other_turns_or_another_length_are_another_flight(sample_logs, slack):
@@ -216,8 +219,37 @@ def test_other_turns_or_another_length_are_another_flight(sample_logs, slack):
     longer = replace(one, samples=replace(one.samples, t=one.samples.t * 11 // 10))
     for other in (turned, longer):
         assert not any(
-            "same flight" in doubt for doubt in scoring.doubted_copies([one, other])[1].doubts
+            "the same flight as" in doubt
+            for doubt in scoring.doubted_copies([one, other], 2)[1].doubts
         )
+
+
+@pytest.mark.parametrize(
+    ("utc", "vehicle", "doubted"),
+    [
+        ((50, 150), ("tlog", "1"), True),
+        ((50, 150), ("tlog", "2"), False),
+        ((50, 150), ("ulog", ""), True),
+        ((100, 150), ("tlog", "1"), False),
+        (None, ("tlog", "1"), False),
+    ],
+)
+def test_logs_of_one_time_are_doubted(sample_logs, slack, utc, vehicle, doubted):
+    one = scoring.prepare(sample_logs / "quadcopter.tlog", slack, 0.0, reconditioned=False)
+    one = replace(one, utc=(0, 100), vehicle=("tlog", "1"))
+    turned = replace(one.samples, gyro=one.samples.gyro[::-1])
+    other = replace(one, samples=turned, utc=utc, vehicle=vehicle)
+    said = (
+        "its time overlaps that of quadcopter.tlog: if that is the same flight, it is known by it"
+    )
+    assert (said in scoring.doubted_copies([one, other], 2)[1].doubts) is doubted
+
+
+def test_too_short_a_search_is_not_worth_it(tuned, slack):
+    hasty = replace(tuned, plan=replace(tuned.plan, generations=2))
+    assert not hasty.worthwhile
+    said = "and 2 generations tell little: raise --generations."
+    assert said in tuning.text_of_tuning(hasty, slack)
 
 
 def test_autopilots_attitude_is_said_not_to_be_truth(log):

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 ATTEST = [sys.executable, "-m", "attest"]
-QUICK = ("-o", "cgo", "--set", "gains.k_p=0.01", "--generations", 2)
+QUICK = ("-o", "cgo", "--set", "gains.k_p=0.01", "--generations", 3)
 
 
 def attest(*arguments):
