@@ -33,3 +33,5 @@ class Estimates:
     """Names of the frames that q leads to and from; None: the world, and the body."""
     states: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     """Observer-specific states, each (n,) or (n, j)."""
+    constants: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    """What an observer found that is the same throughout, of any shape."""

@@ -97,16 +97,12 @@ def _smoothed(
     with _stage("smoothing", timing, on_stage):
         samples, _ = conditioning.condition(recording, settings)
         found = smoother.estimate(samples, settings)
-    text = (
-        "reference 'smoother': attest's own, of the whole log and the same sensors: "
-        "not independent, not truth"
-    )
-    made = Reference(SMOOTHER, "smoother", found.t, found.q)
-    return replace(
-        recording,
-        references={SMOOTHER: made, **recording.references},
-        notes=(*recording.notes, Note(text, doubt=True)),
-    )
+        notes = [note for note in smoother.notes(samples, found, settings) if note.doubt]
+    text = "attest's own, of the whole log and the same sensors: not independent, not truth"
+    notes.insert(0, Note(text, doubt=True))
+    told = (replace(note, text=f"reference 'smoother': {note.text}") for note in notes)
+    made = {SMOOTHER: Reference(SMOOTHER, "smoother", found.t, found.q), **recording.references}
+    return replace(recording, references=made, notes=(*recording.notes, *told))
 
 
 def inspect(
@@ -236,6 +232,7 @@ def _observe(
     observer = observers.get(configuration.observer)
     with _stage("observing", timing, on_stage):
         estimates = observer.estimate(samples, configuration)
+        notes += observer.notes(samples, estimates, configuration)
     with _stage("evaluating", timing, on_stage):
         metrics, scored = evaluation.evaluate(
             samples, estimates, reference, configuration.evaluation

@@ -8,7 +8,7 @@ alone: the body's turns do not blur it, and accelerations and disturbances cance
        in an almost inertial frame.
 """
 
-from math import atan2, radians, sqrt
+from math import radians, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -213,45 +213,3 @@ def cones(h: Array, gyro: Array) -> float:
         total += so3.dot(change, change)
         before = cone
     return total
-
-
-@kernel
-def turns(h: Array, D: Array, unit: Array, valid: Mask, restart: Mask, window: float) -> Array:
-    """Return the angles between a direction's means over one window and the next, in the frame.
-
-    Parameters
-    ----------
-    h : shape (n,)
-        Time from the sample before, s.
-    D : shape (n, 4)
-        Frame of the gyroscope, body to frame.
-    unit, valid : shape (n, 3) and (n,)
-        Unit vectors in the body, and where they are measured.
-    window
-        Length of a window, s; one that is measured in less than half of it has no mean.
-
-    Returns
-    -------
-    angles : shape (n,)
-        At the end of each window, rad; zero elsewhere.
-    """
-    angles = np.zeros(len(unit))
-    before = total = (0.0, 0.0, 0.0)
-    time = seen = 0.0
-    for i in range(len(unit)):
-        if restart[i]:
-            before = total = (0.0, 0.0, 0.0)
-            time = seen = 0.0
-        time += h[i]
-        if valid[i]:
-            seen += h[i]
-            R = so3.matrix(so3.row4(D, i))
-            total = so3.add(total, so3.scale(h[i], mat3.apply(R, so3.row(unit, i))))
-        if time >= window:
-            across = so3.cross(before, total)
-            if seen > 0.5 * window and so3.dot(before, before) > 0.0:
-                angles[i] = atan2(sqrt(so3.dot(across, across)), so3.dot(before, total))
-            before = total if seen > 0.5 * window else (0.0, 0.0, 0.0)
-            total = (0.0, 0.0, 0.0)
-            time = seen = 0.0
-    return angles

@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from attest.conditioning import directions
 from attest.conditioning.measured import Measured, unit
 from attest.conditioning.timeline import Timeline
-from attest.config import Conditioning
+from attest.config import Conditioning, SmoothedConditioning
 from attest.recording import Note
+from attest.smoothing.turned import SUDDEN, WINDOW, turned
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -18,10 +19,6 @@ LEVEL = 0.05
 """Least part of a field across the vertical that has a direction."""
 FRAME_ERROR = 0.01
 """By which the gyroscope's frame may err over a filter's memory, rad."""
-WINDOW = 5.0
-"""Over which a field's direction is averaged to be compared with the next, s."""
-SUDDEN = np.deg2rad(20.0)
-"""By which it may turn against the gyroscope, rad, for iron in the body."""
 SIGMAS = 3.0
 """Deviations of the gyroscope's bias that are allowed for."""
 MENTIONED = 0.05
@@ -70,7 +67,9 @@ def smooth(
     apart = accel if config.magnetometer.decouple_tilt else None
     if apart is not None and len(apart.inertial) == 1:  # so that errors of the vertical cancel
         mag = _across(mag, apart)
-    notes += _turned(mag, line, h, restart, deviation)
+    if not isinstance(config, SmoothedConditioning):  # who tells it by the bias that it finds
+        aided = accel is not None and len(accel.inertial) > 1
+        notes += _turned(mag, line, h, restart, deviation, aided=aided)
     if settings.mag_s is not None:
         tau = np.minimum(settings.mag_s, longest)
         mag = _low_passed(mag, h, line, weight, restart, tau)
@@ -144,20 +143,17 @@ def _belief(
 
 
 def _turned(
-    mag: Measured, line: Timeline, h: Array, restart: Mask, deviation: Array | None
+    mag: Measured,
+    line: Timeline,
+    h: Array,
+    restart: Mask,
+    deviation: Array | None,
+    *,
+    aided: bool,
 ) -> list[Note]:
     """Say where the field turns against the gyroscope by more than that can err."""
-    angles = directions.turns(h, line.D, mag.body, mag.valid, restart, WINDOW)
     most = SUDDEN if deviation is None else SUDDEN + SIGMAS * WINDOW * deviation
-    sudden = np.flatnonzero(angles > most)
-    if not len(sudden):
-        return []
-    at, angle = np.cumsum(h)[sudden[0]], np.rad2deg(angles[sudden].max())
-    text = (
-        f"the field turns against the gyroscope, by up to {angle:.0f}° from one {WINDOW:g} s to "
-        f"the next, first at {at:.0f} s: disturbed, stuck or late; heading is doubtful since"
-    )
-    return [Note(text, len(sudden), doubt=True)]
+    return turned(h, line.D, mag.body, mag.valid, restart, aided=aided, most=most)
 
 
 def _across(mag: Measured, accel: Measured) -> Measured:

@@ -37,8 +37,9 @@ def with_its_sensors(model: type[C], name: str, given: Configuration) -> C:
 def sampling(configuration: Configuration) -> str:
     """Return what configurations share if they may share samples."""
     whole = effective(configuration)
-    keys = ("input", "conditioning", "vectors", "points")
-    return json.dumps({key: whole.get(key) for key in keys}, sort_keys=True)
+    shared = {key: whole.get(key) for key in ("input", "conditioning", "vectors", "points")}
+    shared["kind"] = type(configuration.conditioning).__name__  # which tells who says what
+    return json.dumps(shared, sort_keys=True)
 
 
 def refuse_unlike(configurations: Mapping[str, Configuration]) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from attest.inspection import axes, figures, frames, limits, motion, place, stamps, units
+from attest.inspection import axes, figures, frames, limits, motion, place, stamps, stuck, units
 from attest.inspection.turning import Fit
 from attest.recording import Note, Recording
 
@@ -27,6 +27,7 @@ def doubts(recording: Recording) -> tuple[Note, ...]:
         return (
             *units.doubts(recording, earth),
             *limits.doubts(recording),
+            *stuck.doubts(recording),
             # by a wrong unit, motion is not what it seems
             *(motion.doubts(recording) if unit is None else [unit]),
             *axes.doubts(recording, found),

@@ -15,6 +15,7 @@ from attest.geometry import mat3, quaternion, so3, static, wahba
 from attest.geometry.jit import kernel
 from attest.geometry.mat3 import Matrix
 from attest.geometry.so3 import Quaternion, Vector
+from attest.recording import Note
 from attest.samples import Samples, mean_rates, segments
 from attest.smoothing.inputs import variance
 
@@ -24,6 +25,11 @@ COLUMNS = 12
 """q (4), Omega_hat (3), beta_hat (3), |s_L| and Wahba's cost."""
 NEAR = 60_000_000_000
 """How far the gyroscope is believed when it leads back to a start, nanoseconds."""
+
+
+def _nothing(_samples: Samples, _found: Estimates, _config: Any) -> tuple[Note, ...]:
+    """Return what an observer says that does nothing to the data."""
+    return ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +49,8 @@ class Observer:
     the gains leave it without one."""
     promises: Callable[[Samples, Estimates, Any], tuple[Claim, ...]] | None = None
     """What its theory promises of this run, against what was seen."""
+    notes: Callable[[Samples, Estimates, Any], tuple[Note, ...]] = _nothing
+    """What it did to the data, and what in its answer is doubtful."""
 
 
 def whole_steps(samples: Samples, part: slice) -> Array:

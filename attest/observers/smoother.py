@@ -30,8 +30,7 @@ from pydantic import Field
 from attest.config import Configuration, Section, SmoothedConditioning, Weights
 from attest.errors import ConfigError
 from attest.estimates import Estimates
-from attest.geometry import mat3, quaternion, so3, wahba
-from attest.geometry.earth import GRAVITY
+from attest.geometry import earth, mat3, quaternion, so3, wahba
 from attest.geometry.jit import kernel
 from attest.observers.observer import (
     COLUMNS,
@@ -41,8 +40,9 @@ from attest.observers.observer import (
     initial_attitude,
     record,
 )
+from attest.recording import Note
 from attest.samples import Samples, segments
-from attest.smoothing import inputs, smooth, spread, start
+from attest.smoothing import factors, inputs, smooth, spread, start, told
 from attest.smoothing.factors import CONSTANTS
 from attest.smoothing.path import Expected, Nodes, Path
 from attest.smoothing.smooth import Found, Prior
@@ -57,9 +57,10 @@ REST_RATE = 3e-4
 DIRECTION_TIME = 1.0
 """How long the error of any other vector stays the same, s."""
 
-
-IRON = 9
-"""Where the hard iron is among the constants."""
+IRON, FIELD, GRAVITY, LEAN = 9, 12, 14, 15
+"""Where hard iron, field, scale of gravity and accelerometer's bias are among the constants."""
+HALF = sqrt(factors.TAIL + 3.0)
+"""Deviations at which a field counts half."""
 LARGE = 0.1
 """Hard iron, as a share of the field, that must show: a body that hardly tilts cannot tell a large
 one in a strong field from none."""
@@ -132,7 +133,7 @@ def estimate(samples: Samples, config: Config) -> Estimates:
     first, north = _start(samples, log, nodes, config), _north(samples)
     expected, prior = _noise(gains)
     found = smooth.smooth(log, nodes, first, north, expected, prior)
-    if np.linalg.norm(found.path.c[IRON : IRON + 3]) > LARGE:
+    if np.linalg.norm(found.path.c[IRON:FIELD]) > LARGE:
         bare = smooth.smooth(log, nodes, first, north, expected, replace(prior, iron=NIL))
         found = found if found.scatter < CLEARLY * bare.scatter else bare
     smoothed = np.empty((len(samples.t), spread.COLUMNS))
@@ -142,7 +143,13 @@ def estimate(samples: Samples, config: Config) -> Estimates:
     for part in segments(samples):
         L = gain_matrices(samples, part, config.weights)
         _diagnose(smoothed[part], L, out[part])
-    return estimates("smoother", samples, out, states=_states(samples, nodes, found, smoothed))
+    return estimates(
+        "smoother",
+        samples,
+        out,
+        states=_states(samples, nodes, found, smoothed),
+        constants=_constants(found, north, gains.field),
+    )
 
 
 def _north(samples: Samples) -> Array:
@@ -163,10 +170,10 @@ def _start(samples: Samples, log: Log, nodes: Nodes, config: Config) -> Path:
     }
     u = samples.body.copy()
     if "accel" in samples.names:  # swings even out of forces, and not of their directions
-        u[:, samples.names.index("accel")] = log.force / GRAVITY
+        u[:, samples.names.index("accel")] = log.force / earth.GRAVITY
     vectors = start.Vectors(log.h, u, np.ascontiguousarray(samples.inertial), samples.valid)
     c = np.zeros(CONSTANTS)
-    c[12], c[14] = 1.0, 1.0
+    c[FIELD], c[GRAVITY] = 1.0, 1.0
     return Path(
         q=start.attitudes(vectors, samples.gyro - b, nodes.at, first),
         v=np.zeros((N, 3)),
@@ -230,6 +237,25 @@ def _states(samples: Samples, nodes: Nodes, found: Found, smoothed: Array) -> di
     return states
 
 
+def _constants(found: Found, north: Array, expected: float) -> dict[str, Array]:
+    """Return what is the same throughout: errors of the sensors, and the field, in units of it."""
+    c, off = found.path.c, found.off[np.isfinite(found.off)]
+    return {
+        "gyro_scale": c[:IRON].reshape(3, 3),
+        "hard_iron": c[IRON:FIELD],
+        "field": c[FIELD] * north + np.array([0.0, 0.0, c[FIELD + 1]]),
+        "gravity_scale": c[GRAVITY],
+        "accel_bias": c[LEAN:],
+        "field_unlike": np.mean(off > HALF * expected, keepdims=True) if len(off) else off,
+    }
+
+
+def notes(samples: Samples, found: Estimates, config: Config) -> tuple[Note, ...]:
+    """Say what was found and taken off, and where the answer is doubtful."""
+    did = told.told(samples, found, config.gains.bias_deg_s)
+    return (*did, *told.doubts(samples, found))
+
+
 @kernel
 def _diagnose(smoothed: Array, L: Array, out: Array) -> None:
     """Fill out (n, 12) with what every observer gives."""
@@ -247,4 +273,5 @@ OBSERVER = Observer(
     paper="after Barfoot 2024 and Lange, Little, Taylor 1989",
     config=Config,
     estimate=estimate,
+    notes=notes,
 )

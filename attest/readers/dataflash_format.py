@@ -67,7 +67,7 @@ class Table:
     """Messages of one name, in file order."""
 
     at: Ints
-    """Place in the file: bytes, or lines of a text."""
+    """Place in the file, bytes."""
     columns: Mapping[str, NDArray[Any]]
     """Values by name, divided where the format says so."""
     units: Mapping[str, tuple[str, float]] = field(default_factory=dict)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from attest.geometry import quaternion
 from attest.readers import gps
 from attest.readers.dataflash_format import Mask, Table
+from attest.readers.values import any_of
 from attest.recording import Kind, Note
 
 Array = NDArray[np.float64]
@@ -99,7 +100,7 @@ def streams(tables: Mapping[str, Table], family: str, notes: list[Note]) -> list
         if lost := int(counts[~often].sum()):
             notes.append(Note(f"{name} of instances that hardly occur dropped", lost))
         for number in numbers[often].tolist():
-            mine = table[table.columns[field] == number]
+            mine = table if len(numbers) == 1 else table[table.columns[field] == number]
             found.append(Stream(f"{name}[{number}]", name, number, mine))
     return found
 
@@ -134,7 +135,7 @@ def measured(signal: str, table: Table) -> tuple[Array, Mask] | None:
     y = columns(table, names, unit)
     if y is None:
         return None
-    held = np.ones(len(y), np.bool_) if signal == "gyro" else np.any(y != 0.0, axis=1)
+    held = np.ones(len(y), np.bool_) if signal == "gyro" else any_of(y != 0.0)
     health = table.columns.get("Health")
     if signal == "mag" and health is not None and np.any(health):
         held &= health != 0
@@ -181,7 +182,7 @@ def position(stream: Stream) -> tuple[Array, Mask] | None:
     height = columns(stream.table, ("Alt",), "m")
     if place is None or height is None:
         return None
-    held = np.any(place != 0.0, axis=1) & np.all(np.abs(place) <= [90.0, 180.0], axis=1)
+    held = any_of(place != 0.0) & np.all(np.abs(place) <= [90.0, 180.0], axis=1)
     return np.hstack([place, height]), held & fixed(stream.table)
 
 

@@ -1,8 +1,6 @@
 """The messages of a DataFlash log as text: ``NAME, value, value``, one on each line."""
 
-from collections import Counter
 from collections.abc import Collection
-from io import BytesIO
 from math import isnan
 from pathlib import Path
 from typing import Any
@@ -10,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from attest.readers import decimals
 from attest.readers.dataflash_format import (
     FMT_FORMAT,
     Damage,
@@ -20,12 +19,15 @@ from attest.readers.dataflash_format import (
     parse,
     with_units,
 )
+from attest.readers.dataflash_lines import Spans, by_name
+from attest.readers.decimals import Bytes
 
-Lines = list[tuple[int, bytes]]
-"""Places of lines, and what stands behind the name."""
-
-NAMED = 5
-"""Bytes in which a line has its name, of four at most, and a comma."""
+LONGEST_TEXT = 64
+"""Bytes, as in a binary log: a column takes as many for each of its texts."""
+_ROWS = 4096
+"""Lines taken apart at once where it is done cell by cell."""
+_PAD = 8
+"""Bytes behind a text, so that as many can be looked at from every place in it."""
 
 
 def recognises(head: bytes) -> bool:
@@ -36,18 +38,18 @@ def recognises(head: bytes) -> bool:
 
 def scan(path: Path, wanted: Collection[str]) -> Scan:
     """Read the wanted messages of a log."""
-    names = {name.encode(): name for name in {*wanted, "FMT", "UNIT", "MULT", "FMTU"}}
-    lines, counts, junk = _lines(path, names)
+    text = _text(path)
+    lines, counts, junk = by_name(text, {*wanted, "FMT", "UNIT", "MULT", "FMTU"})
     formats = {"FMT": FMT_FORMAT}
-    for _, rest in lines.pop("FMT", []):
+    for rest in _cut(text, lines.pop("FMT", np.empty((0, 2), np.int64))):
         if (form := _definition(rest)) is not None:
             formats[form.name] = form
     tables = {}
-    for name, found in lines.items():
+    for name, spans in lines.items():
         if name not in formats:
-            junk += sum(len(rest) for _, rest in found)
+            junk += _size(spans)
             continue
-        table, bad = _table(formats[name], found)
+        table, bad = _table(formats[name], text, spans)
         junk, counts[name] = junk + bad, len(table)
         if len(table):
             tables[name] = table
@@ -56,35 +58,23 @@ def scan(path: Path, wanted: Collection[str]) -> Scan:
     return Scan(tables, known, Damage(int(junk > 0), junk))
 
 
-def _lines(path: Path, wanted: dict[bytes, str]) -> tuple[dict[str, Lines], Counter[str], int]:
-    """Sort the lines by name, count all names, and the bytes in lines without one."""
-    data = path.read_bytes() + b"\n" + bytes(NAMED)
-    text = np.frombuffer(data, np.uint8)
-    end = np.flatnonzero(text == ord("\n"))
-    start = np.concatenate([[0], end[:-1] + 1])
-    key = _names(text, start)
-    lines: dict[str, Lines] = {}
-    for name, known in wanted.items():
-        rows = np.flatnonzero(key == int.from_bytes(name, "little"))
-        first = (start[rows] + len(name) + 1).tolist()
-        cut = [data[a:b] for a, b in zip(first, (end[rows] + 1).tolist(), strict=True)]
-        lines[known] = [*zip(rows.tolist(), cut, strict=True)]
-    junk = int((end - start)[key == 0].sum())
-    told = zip(*(found.tolist() for found in np.unique_counts(key[key > 0])), strict=True)
-    counts = {name.to_bytes(8, "little").rstrip(b"\0"): count for name, count in told}
-    return lines, Counter({name.decode("latin-1"): n for name, n in counts.items()}), junk
+def _text(path: Path) -> Bytes:
+    """Return a file with line feeds behind it."""
+    size = path.stat().st_size
+    text = np.empty(size + _PAD, np.uint8)
+    with path.open("rb") as file:
+        size = file.readinto(text[:size].data)
+    text[size:] = ord("\n")
+    return text[: size + _PAD]
 
 
-def _names(text: NDArray[np.uint8], start: NDArray[np.int64]) -> NDArray[np.uint64]:
-    """Return the bytes before the first comma of each line as one number; 0 where none is near."""
-    key = np.zeros(len(start), np.uint64)
-    open_ = np.ones(len(start), np.bool_)
-    for i in range(NAMED):
-        byte = text[start + i]
-        open_ &= byte != ord(",")
-        key |= np.where(open_, byte.astype(np.uint64) << np.uint64(8 * i), np.uint64(0))
-    key[open_] = 0
-    return key
+def _cut(text: Bytes, spans: Spans) -> list[bytes]:
+    """Return what is behind the names."""
+    return [text[start:end].tobytes() for start, end in spans.tolist()]
+
+
+def _size(spans: Spans) -> int:
+    return int((spans[:, 1] - spans[:, 0]).sum())
 
 
 def _definition(rest: bytes) -> Format | None:
@@ -95,20 +85,19 @@ def _definition(rest: bytes) -> Format | None:
     return parse(kind, length, cells[2], cells[3], b",".join(cells[4:]))
 
 
-def _table(form: Format, lines: Lines) -> tuple[Table, int]:
+def _table(form: Format, text: Bytes, spans: Spans) -> tuple[Table, int]:
     """Read the cells of one message; also the bytes of the lines that are none."""
-    at = np.array([place for place, _ in lines], np.int64)
-    try:
-        return Table(at, _quickly(form, [rest for _, rest in lines])), 0
-    except ValueError:  # what pyarrow raises too
-        count = len(form.columns)
-        cells = [rest.split(b",", count - 1) for _, rest in lines]
-        full = np.array([len(row) == count for row in cells], np.bool_)
-        columns, read = _slowly(form, [row for row in cells if len(row) == count])
-        good = full.copy()
-        good[full] = read
-        bad = sum(len(rest) for (_, rest), kept in zip(lines, good, strict=True) if not kept)
-        return Table(at[full], columns)[read], bad
+    columns, good = _quickly(form, text, spans)
+    count, left = len(form.columns), np.flatnonzero(~good)
+    for i in range(0, len(left), _ROWS):
+        rows = left[i : i + _ROWS]
+        cells = [line.split(b",", count - 1) for line in _cut(text, spans[rows])]
+        rows = rows[[len(row) == count for row in cells]]
+        read, good[rows] = _slowly(form, [row for row in cells if len(row) == count])
+        for name, values in read.items():
+            columns[name][rows] = values
+    table = Table(spans[:, 0], columns)
+    return table if good.all() else table[good], _size(spans[~good])
 
 
 def _kind(char: str) -> Any:
@@ -118,38 +107,31 @@ def _kind(char: str) -> Any:
     return np.uint64 if char in "BHIQ" else np.int64 if char in "bhiq" else None
 
 
-def _quickly(form: Format, lines: list[bytes]) -> dict[str, NDArray[Any]]:
-    """Let pyarrow read them, who refuses all if one cell is no number."""
-    import pyarrow as pa
-    from pyarrow import csv
-
-    kinds = [_kind(char) for char, _ in zip(form.chars, form.columns, strict=False)]
-    if not lines or None in kinds:
-        raise ValueError(form.name)
-    types = {name: pa.from_numpy_dtype(kind)
-             for name, kind in zip(form.columns, kinds, strict=False)}  # fmt: skip
-    table = csv.read_csv(
-        BytesIO(b"".join(lines)),
-        csv.ReadOptions(column_names=list(types)),
-        csv.ParseOptions(quote_char=False),
-        csv.ConvertOptions(column_types=types, null_values=[]),
-    )
-    if table.num_rows != len(lines):
-        raise ValueError(form.name)
-    return {name: table[name].to_numpy() for name in types}
+def _quickly(
+    form: Format, text: Bytes, spans: Spans
+) -> tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]:
+    """Read the lines of plain numbers, and tell which they are; leave room for the others."""
+    kinds = {name: _kind(char) for name, char in zip(form.columns, form.chars, strict=False)}
+    if None not in kinds.values() and len(kinds) == len(form.columns) > 0:
+        values, plain = decimals.columns(text, spans[:, 0].copy(), [*kinds.values()])
+        return dict(zip(kinds, values, strict=True)), plain
+    longest = min(LONGEST_TEXT, int(np.ptp(spans, axis=1).max()))
+    room = {name: np.empty(len(spans), kind or f"S{longest}") for name, kind in kinds.items()}
+    return room, np.zeros(len(spans), np.bool_)
 
 
 def _slowly(
     form: Format, cells: list[list[bytes]]
 ) -> tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]:
     """Read cell by cell, and tell which rows are good."""
-    columns: dict[str, NDArray[Any]] = {}
     good = np.ones(len(cells), np.bool_)
+    columns: dict[str, NDArray[Any]] = {}
     for i, (name, char) in enumerate(zip(form.columns, form.chars, strict=False)):
         texts = [row[i].strip() for row in cells]
         kind = _kind(char)
         if kind is None:
-            columns[name] = np.array(texts, np.bytes_)
+            columns[name] = np.array([text[:LONGEST_TEXT] for text in texts], np.bytes_)
+            good &= np.array([len(text) <= LONGEST_TEXT for text in texts], np.bool_)
             continue
         values = [_real(text) if kind is np.float64 else _whole(text, kind) for text in texts]
         good &= np.array([value is not None for value in values], np.bool_)

@@ -10,6 +10,7 @@ from attest.errors import ReadError
 from attest.readers import gps
 from attest.readers.ros_axes import WORLDS, is_tree
 from attest.readers.ros_offers import Offer, is_placeholder
+from attest.readers.values import any_of
 from attest.recording import Kind, Note
 
 QUICK = 0.9
@@ -34,7 +35,7 @@ def usable(offers: Iterable[Offer], notes: list[Note]) -> list[Offer]:
     """Leave out what is there in form only: zero throughout, or not a single number."""
     kept = []
     for offer in offers:
-        finite = np.isfinite(offer.y).all(axis=1)
+        finite = ~any_of(~np.isfinite(offer.y))
         real = offer.y if finite.all() else offer.y[finite]
         if offer.empty and len(offer.y):
             text = f"{offer.topic} {offer.role} without a value dropped"

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from attest.readers.ros_decode import Array, Ints
 from attest.readers.ros_offers import Offer
+from attest.readers.values import any_of
 from attest.recording import Note
 
 SECOND = 1_000_000_000
@@ -114,10 +115,10 @@ def _span(ns: int) -> str:
 
 def finite(offer: Offer, y: Array, notes: list[Note]) -> NDArray[np.bool_]:
     """Mark the values that are numbers of a size that something has, and count the others."""
-    good: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(y), axis=1)
+    good: NDArray[np.bool_] = ~any_of(~np.isfinite(y))
     if lost := int((~good).sum()):
         notes.append(Note(f"{offer.topic} {offer.role} not finite dropped", lost))
-    wild = good & np.logical_or.reduce(np.abs(y) > LARGEST, axis=1)
+    wild = good & any_of(np.abs(y) > LARGEST)
     if lost := int(wild.sum()):
         notes.append(Note(f"{offer.topic} {offer.role} beyond {LARGEST:g} dropped", lost))
     good &= ~wild

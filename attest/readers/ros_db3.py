@@ -1,8 +1,9 @@
 """SQLite storage of ROS 2: a table of topics and a table of messages, each a row."""
 
 import sqlite3
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence, Sized
 from contextlib import closing
+from itertools import islice
 from operator import methodcaller
 from pathlib import Path
 from typing import Any
@@ -11,16 +12,19 @@ from attest.readers.ros_topics import ZSTD, Crate, Encoding, Topic
 from attest.readers.ros_types import ros2_name
 
 MAGIC = b"SQLite format 3\0"
+_Columns = tuple[Sequence[Any], Sequence[Any], Sequence[Any]]
+"""Topics, stamps and messages of some rows."""
 
 _PLAIN = "SELECT count(*) FROM sqlite_master WHERE name = ? AND type = 'table'"
 _VIRTUAL = "SELECT count(*) FROM sqlite_master WHERE name = ? AND rootpage = 0"
 _HEAD, _SMALLEST_PAGE = 100, 512
-_ROWS, _BYTES = 1024, 8 << 20
-"""Fetched at once."""
+_ROWS, _LONG, _BYTES = 128, 64 << 10, 8 << 20
+"""Fetched at once: rows whose messages are no longer than so many bytes; more bytes else."""
 _TYPED = (
     "CASE typeof(timestamp) WHEN 'integer' THEN timestamp END, "
-    "CASE typeof(data) WHEN 'blob' THEN data END"
+    f"CASE typeof(data) WHEN 'blob' THEN iif(length(data) > {_LONG}, rowid, data) END"
 )
+_ONE = "SELECT CASE typeof(data) WHEN 'blob' THEN data END FROM messages WHERE rowid = ?"
 """Other types are none: a text takes more room as text than it has in the file."""
 _STEPS = 100_000
 """Between looks at how long a query works; SQLite's own steps."""
@@ -130,42 +134,82 @@ def _count(connection: sqlite3.Connection, topics: dict[Any, Topic]) -> None:
             topics[number].seen += count
 
 
-def _among(topics: dict[Any, Topic]) -> str:
+def _among(topics: Sized) -> str:
     return f"topic_id IN ({','.join('?' * len(topics))})"
 
 
 def _messages(connection: sqlite3.Connection, topics: dict[Any, Topic], crate: Crate) -> None:
     """Read the messages of all wanted topics in one pass."""
+    for columns in _batches(connection, list(topics)):
+        if not crate.has_room():
+            return
+        numbers, stamps, data = _sound(columns, crate)
+        crate.effort -= sum(map(len, data))  # more than the file's bytes where pages are shared
+        _take(numbers, stamps, data, topics, crate)
+
+
+def _batches(connection: sqlite3.Connection, topics: list[Any]) -> Iterator[_Columns]:
+    """Yield some rows at a time; those before the first broken one too."""
     query = f"SELECT topic_id, {_TYPED} FROM messages WHERE {_among(topics)}"  # noqa: S608
-    cursor = connection.execute(query, list(topics))
+    cursor = connection.execute(query, topics)
     broken: Exception | None = None
-    while broken is None and crate.has_room():
+    while broken is None:
         rows: list[Any] = []
         try:
-            crate.effort -= _fetch(cursor, rows)
+            _fetch(cursor, rows)
         except _BROKEN as error:
-            broken = error  # once what came before it is taken in
+            broken = error
         if not rows:
             break
-        _take(rows, topics, crate)
+        columns = _turned(rows)
+        some_long = int in {*map(type, columns[2])}
+        yield from _with_long(connection, rows) if some_long else [columns]
     if broken is not None:
         raise broken
 
 
-def _fetch(cursor: sqlite3.Cursor, rows: list[Any]) -> int:
-    """Fetch some rows, and return their bytes: where pages are shared, more than the file's."""
-    held = 0
-    for row in cursor:
-        rows.append(row)
-        held += len(row[2] or b"")
-        if held > _BYTES or len(rows) == _ROWS:
-            break
-    return held
+def _fetch(cursor: Iterator[Any], rows: list[Any]) -> None:
+    """Add some rows; those before an error stay."""
+    rows.extend(islice(cursor, _ROWS))
 
 
-def _take(rows: list[Any], topics: dict[Any, Topic], crate: Crate) -> None:
+def _turned(rows: list[Any]) -> _Columns:
+    numbers, stamps, data = zip(*rows, strict=True)
+    return numbers, stamps, data
+
+
+def _with_long(connection: sqlite3.Connection, rows: list[Any]) -> Iterator[_Columns]:
+    """Fetch the messages that are longer too, one by one, for together they have no bound."""
+    held: list[Any] = []
+    size = 0
+    for number, stamp, data in rows:
+        try:
+            (found,) = (
+                connection.execute(_ONE, (data,)).fetchone() if isinstance(data, int) else (data,)
+            )
+        except _BROKEN:
+            if held:
+                yield _turned(held)
+            raise
+        held.append((number, stamp, found))
+        size += len(found or b"")
+        if size > _BYTES:
+            yield _turned(held)
+            held, size = [], 0
+    if held:
+        yield _turned(held)
+
+
+def _take(
+    numbers: Sequence[Any],
+    stamps: Sequence[int],
+    data: Sequence[bytes],
+    topics: dict[Any, Topic],
+    crate: Crate,
+) -> None:
     """Hand some rows to their topics."""
-    numbers, stamps, data = _columns(rows, crate)
+    if data and _is_packed(data[0]):  # a log packs all of its messages or none
+        data = [_plain(message, crate) for message in data]
     for number in set(numbers):
         if len(set(numbers)) == 1:
             own = stamps, data
@@ -176,16 +220,14 @@ def _take(rows: list[Any], topics: dict[Any, Topic], crate: Crate) -> None:
         topics[number].extend(*own)
 
 
-def _columns(rows: list[Any], crate: Crate) -> tuple[Sequence[Any], Sequence[int], Sequence[bytes]]:
-    """Return the columns of the rows that are as they should be, unpacked."""
-    numbers, stamps, data = zip(*rows, strict=True)
-    if {*map(type, stamps)} == {int} and {*map(type, data)} == {bytes}:
-        if not _is_packed(data[0]):  # a log packs all of its messages or none
-            return numbers, stamps, data
-        return numbers, stamps, [_plain(message, crate) for message in data]
+def _sound(columns: _Columns, crate: Crate) -> _Columns:
+    """Leave out the rows that are not as they should be."""
+    if {*map(type, columns[1])} == {int} and {*map(type, columns[2])} == {bytes}:
+        return columns
+    rows = [*zip(*columns, strict=True)]
     sound = [row for row in rows if isinstance(row[1], int) and isinstance(row[2], bytes)]
     crate.damage["message without a stamp or data, left out"] += len(rows) - len(sound)
-    return _columns(sound, crate) if sound else ([], [], [])
+    return _turned(sound) if sound else ([], [], [])
 
 
 def _plain(data: bytes, crate: Crate) -> bytes:

@@ -7,6 +7,7 @@ one walk then serves them all. Nothing is compiled from a definition, so it can 
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any
 
 from rosbags.interfaces import Nodetype
@@ -82,6 +83,7 @@ _TIMES = get_types_from_msg("int32 sec\nuint32 nanosec\n", "builtin_interfaces/m
 """ROS 1's ``time`` and ``duration``, which no definition holds."""
 
 
+@lru_cache(maxsize=64)
 def parse(type_: str, text: str, form: str) -> Definitions | None:
     """Parse a definition, or take the usual one where the file has none; None if there is none."""
     if not text:

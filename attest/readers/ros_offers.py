@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from attest.readers import gps
 from attest.readers.ros_decode import Array, Group, Ints, Table, alike
+from attest.readers.values import any_of
 
 Axes = Literal["rep103", "px4"]
 
@@ -55,7 +56,7 @@ def imu(table: Table) -> Iterator[Offer]:
         y = gathered(table, lambda group, path=path: group.vector(path))
         yield _offer(table, role, y, _held(table, f"{path}_covariance"), when)
     q = gathered(table, lambda group: quaternions(group, "orientation"))
-    held = _held(table, "orientation_covariance") & np.any(q != 0.0, axis=1)
+    held = _held(table, "orientation_covariance") & any_of(q != 0.0)
     yield replace(_offer(table, "reference", q, held, when), name=table.topic)
 
 

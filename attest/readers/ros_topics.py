@@ -18,8 +18,9 @@ Encoding = Literal["ros1", "cdr", "other"]
 ZSTD = b"\x28\xb5\x2f\xfd"
 LARGEST_CLOUD = 1 << 16
 """Bytes; a larger cloud of points is a scan, and holds no feature points."""
-BLOCK = 48 << 20
-"""Bytes of messages that are held before they are decoded: the numbers take less room."""
+BLOCK = 16 << 20
+"""Bytes of messages that are held before they are decoded: the numbers take less room, and a
+processor's cache has room for them."""
 UNPACK_ERRORS = (OSError, ValueError, EOFError, RuntimeError, zstandard.ZstdError)
 """What bz2, lz4 and zstd raise over bytes that are not theirs."""
 _MEGABYTE = 1 << 20

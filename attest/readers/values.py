@@ -1,5 +1,7 @@
 """Which values of a log without checksums can be used."""
 
+from functools import reduce
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +13,11 @@ Mask = NDArray[np.bool_]
 
 WILD = {"gyro": 200.0, "accel": 5000.0, "mag": 0.1, "velocity": 20_000.0}
 """No sensor measures more, in SI units: what says so is damaged."""
+
+
+def any_of(marks: Mask) -> Mask:
+    """Whether any in each row is; over rows so short numpy's own takes eight times as long."""
+    return reduce(np.logical_or, marks.T)
 
 
 def usable(
@@ -25,10 +32,10 @@ def usable(
     times
         Times and the rows they belong to.
     """
-    finite = np.all(np.isfinite(y), axis=1)
+    finite = ~any_of(~np.isfinite(y))
     with np.errstate(invalid="ignore"):
         most = WILD.get(label.rpartition(" ")[2], np.inf)
-        wild = held & finite & np.any(np.abs(y) > most, axis=1)
+        wild = held & finite & any_of(np.abs(y) > most)
     for lost, what in (
         (~held & finite, "without a value"),
         (~finite, "not finite"),

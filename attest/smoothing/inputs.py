@@ -80,9 +80,7 @@ def log(samples: Samples, least: tuple[float, float]) -> Log:
     if "mag" in names:
         i = names.index("mag")
         length = np.ones(n) if samples.length is None else samples.length[:, i]
-        seen = length[samples.valid[:, i] & (length > 0.0)]
-        usual = float(np.median(seen)) if len(seen) else 1.0
-        field = length[:, np.newaxis] / usual * samples.body[:, i]
+        field = length[:, np.newaxis] / usual(samples) * samples.body[:, i]
         field_valid = samples.valid[:, i]
     held = np.maximum.accumulate(np.where(force_valid, np.arange(n), 0))
     return Log(
@@ -101,6 +99,15 @@ def log(samples: Samples, least: tuple[float, float]) -> Log:
     )
 
 
+def usual(samples: Samples) -> float:
+    """Return the field's usual length, which it is counted in."""
+    i = samples.names.index("mag")
+    if samples.length is None:
+        return 1.0
+    seen = samples.length[samples.valid[:, i] & (samples.length[:, i] > 0.0), i]
+    return float(np.median(seen)) if len(seen) else 1.0
+
+
 def variance(h: Array, y: Array, least: float) -> Array:
     """Return the variance of what each step of y (n, j) adds up to, (n,), by least per second.
 
@@ -113,8 +120,8 @@ def variance(h: Array, y: Array, least: float) -> Array:
     bends = np.mean(np.diff(y, n=2, axis=0) ** 2, axis=1) / 6.0  # variance of an axis
     padded = np.concatenate([bends[:1], bends, bends[-1:]])
     around = np.convolve(padded, np.full(AROUND, 1.0 / AROUND))[AROUND // 2 :][: len(h)]
-    usual = float(np.median(h[h > 0.0])) if (h > 0.0).any() else 0.0
-    intensity = usual * np.maximum(around, float(np.median(bends)))
-    apart = np.maximum(1.0, h / max(usual, 1e-9)) ** 2
+    step = float(np.median(h[h > 0.0])) if (h > 0.0).any() else 0.0
+    intensity = step * np.maximum(around, float(np.median(bends)))
+    apart = np.maximum(1.0, h / max(step, 1e-9)) ** 2
     variance: Array = h * np.maximum(least**2, intensity * apart)
     return variance

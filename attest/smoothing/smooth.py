@@ -63,6 +63,8 @@ class Found:
     """Covariances of the nodes, (N, 9, 9)."""
     counts: Array
     """What the field after each node counts for, (N,)."""
+    off: Array
+    """What the field after each node is off by, as a share of the strength, (N,); NaN of none."""
     iterations: int
     scatter: float
     """Standard deviation of the local field as it was found, as a share of the strength."""
@@ -91,7 +93,8 @@ def smooth(
         expected = noise._replace(tails=done > 1, field=_scatter(fields, noise.field))
     P = np.empty((len(nodes.at), NODE, NODE))
     chain.covariances(equations, P_c, P)
-    return Found(path, P, np.nan_to_num(fields[:, 0]), done, _shown(fields))
+    off = np.sqrt(3.0 * fields[:, 1])
+    return Found(path, P, np.nan_to_num(fields[:, 0]), off, done, _shown(fields))
 
 
 def _scatter(fields: Array, most: float) -> float:

@@ -217,6 +217,24 @@ def test_text_lines_that_are_none_are_skipped(tmp_path):
     assert any("without a message skipped" in text for text in notes(recording))
 
 
+def test_text_of_many_names_is_sorted_all_the_same(tmp_path):
+    lines = flight(TIMES).text().split(b"\n")
+    lines[50:50] = [b"%d, 1" % i for i in range(2000)]
+    recording = read(tmp_path, b"\n".join(lines), "flight.log")
+    assert len(recording.signals["gyro"].t) == len(TIMES)
+    assert recording.details["messages"]["IMU"] == len(TIMES)
+    assert recording.details["bytes_skipped"] == 0
+
+
+def test_a_text_longer_than_any_takes_no_room_for_each(tmp_path):
+    log = flight(TIMES).add("MSG", 1, "x" * 100_000)
+    for i in range(2000):
+        log.add("MSG", i, "y")
+    recording = read(tmp_path, log.text(), "flight.log")
+    assert recording.details["messages"]["MSG"] == 2000
+    assert recording.details["bytes_skipped"] == len(" 1, " + "x" * 100_000 + "\n")
+
+
 def test_numbers_of_text_may_be_none(tmp_path):
     text = flight(TIMES).text() + b"IMU, 110000000, 0, nan, 1, 1, 1, 1, 1\n"
     recording = read(tmp_path, text, "flight.log")

@@ -119,6 +119,21 @@ def test_text_is_as_pymavlink_reads_it(tmp_path):
     assert_equal(dataflash_text.scan(path, names).tables, messages, names)
 
 
+@pytest.mark.shared
+@pytest.mark.parametrize("name", ["bluerov2", "plane_truncated"])
+def test_recorded_logs_as_text_are_as_pymavlink_reads_them(shared, tmp_path, name):
+    path = tmp_path / "flight.log"
+    with closing(DFReader.DFReader_binary(str(shared / "dataflash" / f"{name}.BIN"))) as log:
+        lines = ["FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns"]
+        while (message := log.recv_msg()) is not None:
+            values = [str(getattr(message, field)) for field in message.get_fieldnames()]
+            lines.append(", ".join([message.get_type(), *values]))
+    path.write_text("\n".join(lines) + "\n")
+    messages = expected(path, DFReader.DFReader_text)
+    names = {"IMU", "IMU2", "MAG", "ATT", "AHR2", "XKF1", "NKF1", "GPS", "POS"} & messages.keys()
+    assert_equal(dataflash_text.scan(path, names).tables, messages, names)
+
+
 def test_simulated_log_has_what_the_flight_had(simulated):
     flown, recording = simulation.simulate("quadcopter"), readers.read(simulated)
     heard = flown.received(flown.t)

@@ -320,10 +320,27 @@ def test_metadata_made_to_be_slow_costs_nothing(tmp_path):
 
 
 def test_rows_of_a_database_that_share_their_pages_do_not_fill_the_memory():
-    data = bytes(MEGABYTE)
-    rows, cursor = [], iter([(1, 2, data)] * 1000)
-    held = ros_db3._fetch(cursor, rows)
-    assert held == len(rows) * MEGABYTE < 10 * MEGABYTE
+    connection = sqlite3.connect(":memory:")
+    connection.execute("CREATE TABLE messages(topic_id, timestamp, data)")
+    long = [1, 2, bytes(MEGABYTE)]
+    connection.executemany("INSERT INTO messages VALUES (?, ?, ?)", [[1, 1, b"short"], long] * 50)
+    batches = [*ros_db3._batches(connection, [1])]
+    assert max(sum(map(len, data)) for _, _, data in batches) < 10 * MEGABYTE
+    rows = [row for columns in batches for row in zip(*columns, strict=True)]
+    assert rows == [(1, 1, b"short"), (1, 2, bytes(MEGABYTE))] * 50
+
+
+def test_a_long_row_that_is_broken_costs_none_before_it():
+    rows = [(1, 1, b"short"), (1, 2, 7)]  # the second is longer: its place stands for it
+
+    class Broken:
+        def execute(self, *_):
+            raise MemoryError
+
+    batches = ros_db3._with_long(Broken(), rows)
+    assert next(batches) == ((1,), (1,), (b"short",))
+    with pytest.raises(MemoryError):
+        next(batches)
 
 
 def test_a_row_for_which_sqlite_finds_no_memory_is_damage(tmp_path, monkeypatch):
