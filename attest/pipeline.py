@@ -73,7 +73,7 @@ def referenced(
 ) -> tuple[Recording, Reference | None]:
     """Read a log, and choose its reference: a name that is not there is refused before the work."""
     with _stage("reading", timing, on_stage):
-        recording = _doubted(read(log, configuration))
+        recording = doubted(read(log, configuration))
     recording = _smoothed(recording, configuration, timing, on_stage)
     return recording, evaluation.choose(recording, configuration.evaluation.reference)
 
@@ -112,7 +112,7 @@ def inspect(
 
     The options are those that the command to run it will need.
     """
-    recording = _doubted(read(log, configuration))
+    recording = doubted(read(log, configuration))
     described, inspected = report.describe(recording), inspection.inspect(recording)
     for name, figures in inspected.pop("signals").items():
         described["signals"][name] |= figures
@@ -120,7 +120,7 @@ def inspect(
     return recording, described | inspected | {"command": command}
 
 
-def _doubted(recording: Recording) -> Recording:
+def doubted(recording: Recording) -> Recording:
     """Add what in a recording cannot be to its notes."""
     return replace(recording, notes=(*recording.notes, *inspection.doubts(recording)))
 

@@ -62,7 +62,8 @@ def calibrate(
     configuration = pipeline.configure(
         observer, [*chosen({"reference": None, **choices}), *assignments]
     )
-    found = conditioning.calibrate(pipeline.read(Path(log), configuration), configuration)
+    recording = pipeline.doubted(pipeline.read(Path(log), configuration))
+    found = conditioning.calibrate(recording, configuration)
     # what chooses the data is left out of what is written: another log has other names
     made = conditioning.calibrated(pipeline.configure(observer, assignments), found)
     document = {"log": log, "observer": made.observer, **found}

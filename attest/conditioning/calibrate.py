@@ -30,13 +30,15 @@ Array = NDArray[np.float64]
 C = TypeVar("C", bound=Configuration)
 
 KNOWN = 0.1
-"""Share of a deviation of before, below which something is known."""
+"""Share of a deviation of before, below which something is known; the scale of one gyroscope is
+another by 0.2 of it from log to log."""
 
 
 def calibrate(recording: Recording, config: Configuration) -> dict[str, Any]:
     """Return what is told of each sensor, and the keys of `conditioning` that say it.
 
-    Each sensor has ``told``, a sentence, and where the log tells it numbers with their deviations.
+    Each sensor has ``told``, a sentence, and where the log tells it numbers with their deviations;
+    ``warnings`` are what is doubtful about the log.
     What is configured as known before is left aside: all is found anew.
 
     Raises
@@ -52,9 +54,10 @@ def calibrate(recording: Recording, config: Configuration) -> dict[str, Any]:
             "another observer."
         )
     how = _afresh(config.conditioning)
-    gyro, _ = cut_gyroscope(recording, config)
-    restart, _ = restarts(recording, gyro.t, how)
-    substeps, _ = substeps_of(gyro.t, restart, how.max_step_s)
+    gyro, cut = cut_gyroscope(recording, config)
+    restart, gaps = restarts(recording, gyro.t, how)
+    substeps, slow = substeps_of(gyro.t, restart, how.max_step_s)
+    told = [*recording.notes, *cut, *gaps, *slow]
     rates, _ = gyroscope.rates(recording, gyro, restart, substeps, how)
     still = gyroscope.resting(recording, gyro, restart)
     why = gyroscope.unfit(recording, gyro, gyroscope.steps(gyro, restart), how.max_step_s)
@@ -65,7 +68,8 @@ def calibrate(recording: Recording, config: Configuration) -> dict[str, Any]:
     recording, line = apart(recording, replace(gyro, y=rates.at), rates.mean, restart)
     found["magnetometer"] = _magnetometer(recording, line, how)
     keys = {name: each["configuration"] for name, each in found.items() if "configuration" in each}
-    return {"sensors": found, "configuration": {"conditioning": keys}}
+    doubts = [{"text": note.text, "count": note.count} for note in told if note.doubt]
+    return {"sensors": found, "configuration": {"conditioning": keys}, "warnings": doubts}
 
 
 def calibrated(config: C, found: Mapping[str, Any]) -> C:
@@ -108,7 +112,7 @@ def _gyroscope(known: Array | None, config: Conditioning, why: str) -> dict[str,
     else:
         told.append(f"bias not told, for want of rest, and {why}")
     sure = (std[3:] < KNOWN * prior.scale_std).reshape(3, 3)
-    if sure.any():
+    if sure.diagonal().all():
         # an entry that this log hardly tells would be noise in another
         scale = np.where(sure, scale, 0.0)
         keys |= {"scale": _plain(scale, 6), "scale_std": _most(std[3:])}

@@ -30,8 +30,7 @@ from pydantic import Field
 from attest.config import Configuration, Section, SmoothedConditioning, Weights
 from attest.errors import ConfigError
 from attest.estimates import Estimates
-from attest.geometry import mat3, quaternion, so3, wahba
-from attest.geometry.earth import GRAVITY
+from attest.geometry import earth, mat3, quaternion, so3, wahba
 from attest.geometry.jit import kernel
 from attest.observers.observer import (
     COLUMNS,
@@ -171,7 +170,7 @@ def _start(samples: Samples, log: Log, nodes: Nodes, config: Config) -> Path:
     }
     u = samples.body.copy()
     if "accel" in samples.names:  # swings even out of forces, and not of their directions
-        u[:, samples.names.index("accel")] = log.force / GRAVITY
+        u[:, samples.names.index("accel")] = log.force / earth.GRAVITY
     vectors = start.Vectors(log.h, u, np.ascontiguousarray(samples.inertial), samples.valid)
     c = np.zeros(CONSTANTS)
     c[FIELD], c[WEIGHT] = 1.0, 1.0

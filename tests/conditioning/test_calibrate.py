@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from flights import SECOND, START, G, flight, gyro, recording, resting, seen, stamps, tumbling
 from numpy.testing import assert_allclose
 
-from attest import config, pipeline
+from attest import config, pipeline, simulation
 from attest.cli import cli
 from attest.conditioning import attitudes, calibrate, calibrated, condition
 from attest.conditioning.calibrate import _gyroscope
@@ -109,12 +109,16 @@ def test_only_what_is_known_of_the_gyroscope_is_written():
         "bias_std": 0.0002,
     }
     std[0], std[[3, 8]] = np.deg2rad(0.25), 0.0003
+    some = _gyroscope(np.array([x, std]), prior, "for want of turns")
+    assert "configuration" not in some  # an axis that is not known is not taken for a true one
+    assert "scale and misalignment not told, for want of turns" in some["told"]
+    std[[7, 11]] = 0.0003
     found = _gyroscope(np.array([x, std]), prior, "")
     assert found["configuration"] == {
-        "scale": [[0.002, 0.0, 0.0], [0.0, 0.0, 0.002], [0.0, 0.0, 0.0]],
+        "scale": [[0.002, 0.0, 0.0], [0.0, 0.002, 0.002], [0.0, 0.0, 0.002]],
         "scale_std": 0.003,
     }
-    assert "2 of 9 known and the others zero" in found["told"]
+    assert "4 of 9 known and the others zero" in found["told"]
 
 
 def test_a_known_bias_is_taken_off_from_the_start():
@@ -229,9 +233,27 @@ def test_the_command_speaks_json(sample_logs):
     log = str(sample_logs / "quadcopter.tlog")
     done = CliRunner().invoke(cli, ["calibrate", log, "--json"])
     document = json.loads(done.stdout)
-    assert set(document) == {"configuration", "log", "observer", "sensors"}
+    assert set(document) == {"configuration", "log", "observer", "sensors", "warnings"}
     assert document["sensors"]["magnetometer"]["applied"] is False
     assert document["sensors"]["accelerometer"]["told"].startswith("not observable")
+
+
+def test_the_logs_doubts_are_shown(tmp_path):
+    made = simulation.simulate("handheld")
+    degrees = Signal(made.signals["gyro"].t, np.rad2deg(made.signals["gyro"].y))
+    simulation.write(tmp_path / "a.csv", replace(made, signals={**made.signals, "gyro": degrees}))
+    done = CliRunner().invoke(cli, ["calibrate", str(tmp_path / "a.csv")])
+    (line,) = [line for line in done.stdout.splitlines() if "its unit seems to be deg/s" in line]
+    assert line.startswith("#  ! ")
+    assert yaml.safe_load(done.stdout)["observer"] == "fts"
+    done = CliRunner().invoke(cli, ["calibrate", str(tmp_path / "a.csv"), "--json"])
+    assert any("deg/s" in note["text"] for note in json.loads(done.stdout)["warnings"])
+
+
+def test_a_line_break_in_a_name_stays_in_the_comment():
+    note = {"text": "topic\nobserver: vae", "count": 1}
+    document = {"log": "a\nobserver: vae", "sensors": {}, "warnings": [note]}
+    assert text_of_calibration(document, fts.Config()).count("\nobserver:") == 1
 
 
 def test_gaps_and_restarts_are_survived():
