@@ -9,7 +9,6 @@ from attest.conditioning import drift, frame, gyroscope_errors, smoothing
 from attest.conditioning.measured import usable
 from attest.conditioning.rest import BIAS
 from attest.conditioning.rested import rested
-from attest.conditioning.rows import place
 from attest.config import Conditioning
 from attest.recording import Note, Recording, Signal, seconds
 
@@ -88,8 +87,8 @@ def _corrected(
         return _as_given(gyro, known[0]), []
     force, still = told
     h = _steps(gyro, restart)
-    y = _still(recording, gyro, force, h)
-    at, bias, deviation, found = drift.follow(h, gyro.y, y, still, restart, known)
+    standing = _still(recording, gyro, force, h)
+    at, bias, deviation, found = drift.follow(h, gyro.y, *standing, still, restart, known)
     return Rates(at, at, at, bias, found, deviation), [_told(still, known, found)]
 
 
@@ -107,18 +106,13 @@ def _steps(gyro: Signal, restart: Mask) -> Array:
     return h
 
 
-def _still(recording: Recording, gyro: Signal, force: Array, h: Array) -> Array:
-    """Return what stands still in the world on average, shape (n, 0, 1 or 2, 3)."""
+def _still(recording: Recording, gyro: Signal, force: Array, h: Array) -> tuple[Array, Array]:
+    """Return what stands still in the world on average, force and field, (n, 3) or (0, 3)."""
     # with velocity it is a vehicle's, which turns and climbs: gravity is no mean of its force
     slow = smoothing.longest_memory(h, gyro.y) < drift.WINDOW
     if slow or "velocity" in recording.signals:
-        return np.empty((len(h), 0, 3))
-    field = _field(recording, gyro)
-    vectors = [force, field] if len(field) else [force]
-    stacked = np.empty((len(h), len(vectors), 3))
-    for k, vector in enumerate(vectors):
-        place(stacked, k, vector)
-    return stacked
+        return np.empty((0, 3)), np.empty((0, 3))
+    return force, _field(recording, gyro)
 
 
 def _field(recording: Recording, gyro: Signal) -> Array:
