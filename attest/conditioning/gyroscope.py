@@ -9,6 +9,7 @@ from attest.conditioning import drift, frame, gyroscope_errors, smoothing
 from attest.conditioning.measured import usable
 from attest.conditioning.rest import BIAS
 from attest.conditioning.rested import rested
+from attest.conditioning.rows import times_since
 from attest.config import Conditioning
 from attest.recording import Note, Recording, Signal, seconds
 
@@ -71,7 +72,7 @@ def resting(recording: Recording, gyro: Signal, restart: Mask) -> tuple[Array, M
     if len(accel.t) < drift.FEWEST:
         return None
     force, field = _at(gyro.t, accel), _field(recording, gyro)
-    return force, rested(_steps(gyro, restart), gyro.y, force, restart, field)
+    return force, rested(times_since(gyro.t, restart), gyro.y, force, restart, field)
 
 
 def _corrected(
@@ -86,7 +87,7 @@ def _corrected(
     if told is None:
         return _as_given(gyro, known[0]), []
     force, still = told
-    h = _steps(gyro, restart)
+    h = times_since(gyro.t, restart)
     standing = _still(recording, gyro, force, h)
     at, bias, deviation, found = drift.follow(h, gyro.y, *standing, still, restart, known)
     return Rates(at, at, at, bias, found, deviation), [_told(still, known, found)]
@@ -98,12 +99,6 @@ def _as_given(gyro: Signal, x: Array) -> Rates:
         return Rates(gyro.y, gyro.y, gyro.y, None)
     at = gyro.y - x[:3] - gyro.y @ x[3:].reshape(3, 3).T
     return Rates(at, at, at, np.broadcast_to(x[:3], gyro.y.shape).copy())
-
-
-def _steps(gyro: Signal, restart: Mask) -> Array:
-    """Return the time from the sample before, s, zero at a restart."""
-    h: Array = np.where(restart, 0.0, np.diff(gyro.t, prepend=gyro.t[0]) * 1e-9)
-    return h
 
 
 def _still(recording: Recording, gyro: Signal, force: Array, h: Array) -> tuple[Array, Array]:

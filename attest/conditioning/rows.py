@@ -48,3 +48,17 @@ def first_of_cells(t: Stamps, spacing: int) -> NDArray[np.intp]:
     """Return the first sample of each cell of time that has one, nanoseconds, t rising."""
     cells = (t - t[0]) // spacing
     return np.flatnonzero(np.concatenate([[True], cells[1:] != cells[:-1]]))
+
+
+@kernel
+def since(t: Stamps, restart: NDArray[np.bool_], h: Array) -> None:
+    """Fill h (n,) with the time from the stamp before, s, zero at a restart."""
+    for i in range(len(t)):
+        h[i] = 0.0 if i == 0 or restart[i] else 1e-9 * (t[i] - t[i - 1])
+
+
+def times_since(t: Stamps, restart: NDArray[np.bool_]) -> Array:
+    """Return the time from the stamp before, s, zero at a restart, shape (n,)."""
+    h = np.empty(len(t))
+    since(t, restart, h)
+    return h
