@@ -216,11 +216,10 @@ def bends(h: Array, gyro: Array) -> float:
     return total
 
 
-@kernel
 def turns(
     h: Array, D: Array, unit: Array, up: Array, valid: Mask, restart: Mask, window: float
-) -> Array:
-    """Return the angles between a direction's means over one window and the next, in the frame.
+) -> tuple[NDArray[np.intp], Array]:
+    """Return where windows end, and the angles of a direction's mean to the one before, rad.
 
     Parameters
     ----------
@@ -234,13 +233,27 @@ def turns(
         Unit vectors across which they are taken.
     window
         Length of a window, s; one that is measured in less than half of it has no mean.
-
-    Returns
-    -------
-    angles : shape (n,)
-        At the end of each window, rad; zero elsewhere.
     """
-    angles = np.zeros(len(unit))
+    most = min(len(h), 1 + int(h.sum() / window))
+    ends, angles = np.empty(most, np.intp), np.empty(most)
+    found = _turns(h, D, (unit, up), valid, restart, window, ends, angles)
+    return ends[:found], angles[:found]
+
+
+@kernel
+def _turns(
+    h: Array,
+    D: Array,
+    vectors: tuple[Array, Array],
+    valid: Mask,
+    restart: Mask,
+    window: float,
+    ends: NDArray[np.intp],
+    angles: Array,
+) -> int:
+    """Fill the ends of windows and the angles there; return how many."""
+    unit, up = vectors
+    found = 0
     before = total = (0.0, 0.0, 0.0)
     time = seen = 0.0
     for i in range(len(unit)):
@@ -256,8 +269,10 @@ def turns(
         if time >= window:
             across = so3.cross(before, total)
             if seen > 0.5 * window and so3.dot(before, before) > 0.0:
-                angles[i] = atan2(sqrt(so3.dot(across, across)), so3.dot(before, total))
+                ends[found] = i
+                angles[found] = atan2(sqrt(so3.dot(across, across)), so3.dot(before, total))
+                found += 1
             before = total if seen > 0.5 * window else (0.0, 0.0, 0.0)
             total = (0.0, 0.0, 0.0)
             time = seen = 0.0
-    return angles
+    return found

@@ -27,6 +27,34 @@ def _largest(y: Array, out: Array) -> None:
         out[i] = max(a, b, c) + 0.0 * (a + b + c)
 
 
+def count_between(y: Array, least: float, most: float) -> int:
+    """Count the rows of (n, 3) whose largest magnitude is between two."""
+    if y.ndim != 2 or y.shape[1] != 3:
+        size = largest(y)
+        return int(np.count_nonzero((size > least) & (size < most)))
+    return int(_count_between(np.ascontiguousarray(y, np.float64), least, most))
+
+
+@kernel
+def _count_between(y: Array, least: float, most: float) -> int:
+    count = 0
+    for i in range(len(y)):
+        a, b, c = abs(y[i, 0]), abs(y[i, 1]), abs(y[i, 2])
+        size = max(a, b, c) + 0.0 * (a + b + c)
+        count += least < size < most
+    return count
+
+
+@kernel
+def shortest_and_longest(t: Stamps) -> tuple[int, int]:
+    """Return the least and the greatest time between neighbouring stamps, two at the least."""
+    shortest = longest = t[1] - t[0]
+    for i in range(1, len(t)):
+        step = t[i] - t[i - 1]
+        shortest, longest = min(shortest, step), max(longest, step)
+    return shortest, longest
+
+
 @kernel
 def split(v: Array, unit: Array, length: Array) -> None:
     """Fill the unit vectors (n, 3) and the lengths (n,) of vectors; zero stays zero."""

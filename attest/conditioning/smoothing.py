@@ -155,12 +155,12 @@ def _turned(
     mag: Measured, up: Array, line: Timeline, h: Array, restart: Mask, deviation: Array | None
 ) -> list[Note]:
     """Say where the field turns against the gyroscope by more than that can err."""
-    angles = directions.turns(h, line.D, mag.body, up, mag.valid, restart, WINDOW)
-    most = SUDDEN if deviation is None else SUDDEN + SIGMAS * WINDOW * deviation
+    ends, angles = directions.turns(h, line.D, mag.body, up, mag.valid, restart, WINDOW)
+    most = SUDDEN if deviation is None else SUDDEN + SIGMAS * WINDOW * deviation[ends]
     sudden = np.flatnonzero(angles > most)
     if not len(sudden):
         return []
-    at, angle = np.cumsum(h)[sudden[0]], np.rad2deg(angles[sudden].max())
+    at, angle = h[: ends[sudden[0]] + 1].sum(), np.rad2deg(angles[sudden].max())
     text = (
         f"the field turns against the gyroscope, by up to {angle:.0f}° from one {WINDOW:g} s to "
         f"the next, first at {at:.0f} s: disturbed, stuck or late; heading is doubtful since"
