@@ -115,10 +115,11 @@ def field(line: Timeline, mag: Signal, vertical: Measured | None) -> Field | Non
     vertical
         Vertical on average; None where that is not known.
     """
-    inside = np.flatnonzero((mag.t >= line.t[0]) & (mag.t <= line.t[-1]))
-    if len(inside) < 2:
+    first = int(np.searchsorted(mag.t, line.t[0], side="left"))
+    last = int(np.searchsorted(mag.t, line.t[-1], side="right"))
+    if last - first < 2:
         return None
-    chosen = inside[first_of_cells(mag.t[inside], round(SPACING * SECOND))]
+    chosen = first + first_of_cells(mag.t[first:last], round(SPACING * SECOND))
     chosen = chosen[:: -(-len(chosen) // MOST_SAMPLES)]
     t, y = mag.t[chosen], mag.y[chosen]
     window = _numbers((t - t[0]) // round(WINDOW * SECOND))

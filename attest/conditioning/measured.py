@@ -31,6 +31,12 @@ class Measured:
     """Of a magnetometer, the model's field in the world, tesla, shape (3,)."""
 
 
+def any_usable(signal: Signal) -> bool:
+    """Tell whether any vector has a direction."""
+    few = signal.y[:1]  # the first one, usually
+    return count_between(few, SHORTEST, LONGEST) > 0 or len(usable(signal)[0].t) > 0
+
+
 def usable(signal: Signal) -> tuple[Signal, list[Note]]:
     """Leave out vectors that have no direction: of no length, or of none that is real."""
     if count_between(signal.y, SHORTEST, LONGEST) == len(signal.t):

@@ -74,8 +74,20 @@ def place(out: Array, k: int, v: Array) -> None:
 
 def first_of_cells(t: Stamps, spacing: int) -> NDArray[np.intp]:
     """Return the first sample of each cell of time that has one, nanoseconds, t rising."""
-    cells = (t - t[0]) // spacing
-    return np.flatnonzero(np.concatenate([[True], cells[1:] != cells[:-1]]))
+    first = np.empty(min(len(t), 1 + int((t[-1] - t[0]) // spacing)), np.intp)
+    return first[: _first_of_cells(t, spacing, first)]
+
+
+@kernel
+def _first_of_cells(t: Stamps, spacing: int, first: NDArray[np.intp]) -> int:
+    """Fill the first samples of cells; return how many."""
+    count, end = 0, t[0]
+    for i in range(len(t)):
+        if t[i] >= end:
+            first[count] = i
+            count += 1
+            end = t[0] + ((t[i] - t[0]) // spacing + 1) * spacing
+    return count
 
 
 @kernel
