@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from attest.conditioning import directions, frame, specific_force, velocity
+from attest.conditioning import frame, smoothing, specific_force, velocity
 from attest.conditioning.measured import Measured, carried, unit, usable
-from attest.conditioning.smoothing import longest_memory
+from attest.conditioning.rows import times_since
 from attest.conditioning.timeline import BREAK, SECOND, Timeline
 from attest.config import Conditioning
 from attest.errors import ReadError
@@ -96,13 +96,11 @@ def _unaided(plain: Measured, line: Timeline, load: Array, config: Conditioning)
     if config.smoothing.accel_s is None:
         return plain
     restart = np.diff(line.t, prepend=line.t[0] - BREAK) >= BREAK
-    h = np.where(restart, 0.0, np.diff(line.t, prepend=line.t[0]) * 1e-9)
+    h = times_since(line.t, restart)
     weight = plain.valid / (1.0 + (load / (LOAD * GRAVITY)) ** 2)
-    longest = longest_memory(h, line.gyro, config.max_step_s)
+    longest = smoothing.longest_memory(h, line.gyro, config.max_step_s)
     tau = np.full(len(h), min(config.smoothing.accel_s, longest))
-    body = np.empty_like(plain.body)
-    directions.low_pass(h, line.D, plain.body, plain.length, weight, restart, tau, body)
-    return replace(plain, body=body, valid=plain.valid & body.any(axis=1))
+    return smoothing.low_passed(plain, h, line, weight, restart, tau)
 
 
 def _specific_force(

@@ -12,6 +12,7 @@ from attest.conditioning.accelerometer import accelerometer
 from attest.conditioning.calibration import MICRO, Verdict
 from attest.conditioning.magnetometer import timed, vertical
 from attest.conditioning.measured import usable
+from attest.conditioning.rows import times_since
 from attest.conditioning.timeline import Timeline, apart, restarts, substeps_of
 from attest.conditioning.timeline import gyroscope as cut_gyroscope
 from attest.config import (
@@ -60,7 +61,7 @@ def calibrate(recording: Recording, config: Configuration) -> dict[str, Any]:
     told = [*recording.notes, *cut, *gaps, *slow]
     rates, _ = gyroscope.rates(recording, gyro, restart, substeps, how)
     still = gyroscope.resting(recording, gyro, restart)
-    why = gyroscope.unfit(recording, gyro, gyroscope.steps(gyro, restart), how.max_step_s)
+    why = gyroscope.unfit(recording, gyro, times_since(gyro.t, restart), how.max_step_s)
     found = {
         "gyroscope": _gyroscope(rates.known, how, why or "for want of turns"),
         "accelerometer": _accelerometer(None if still is None else attitudes.find(*still)),

@@ -10,7 +10,7 @@ from attest.conditioning import frame, points
 from attest.conditioning.accelerometer import accelerometer, corrected
 from attest.conditioning.gyroscope import rates as gyroscope_rates
 from attest.conditioning.magnetometer import magnetometer
-from attest.conditioning.measured import Measured, carried, usable
+from attest.conditioning.measured import Measured, any_usable, carried, usable
 from attest.conditioning.rest import rest, unturned
 from attest.conditioning.rows import place
 from attest.conditioning.smoothing import smooth
@@ -134,7 +134,7 @@ def _vectors(recording: Recording, config: Configuration) -> tuple[Vector, ...]:
     if config.vectors is not None:
         return config.vectors
     usual = (name for name in ("accel", "mag") if name in recording.signals)
-    return tuple(Vector(signal=name) for name in usual if len(usable(recording.signals[name])[0].t))
+    return tuple(Vector(signal=name) for name in usual if any_usable(recording.signals[name]))
 
 
 def _measured(

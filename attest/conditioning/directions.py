@@ -19,6 +19,8 @@ from attest.geometry.so3 import Vector
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Pair = tuple[float, float]
+"""Of a field, its part along the vertical and the length of the rest."""
 
 AHEAD = 1.0
 """At the start, over which the first direction is averaged, s."""
@@ -28,6 +30,8 @@ MEMORY = 30.0
 """Time constant of what the field usually is, s."""
 LEAST = 0.02
 """Share at which even a field that is not believed becomes usual."""
+LEVEL = 0.05
+"""Least part of a field across the vertical that has a direction."""
 HALF = 0.5
 """A belief above which a field is the usual one."""
 OTHER = 5.0
@@ -42,16 +46,17 @@ START = 3.0
 
 @kernel
 def _first(
-    i: int, h: Array, D: Array, unit: Array, length: Array, weight: Array, restart: Mask
+    i: int, h: Array, D: Array, vectors: tuple[Array, Array, Array], weight: Array, restart: Mask
 ) -> tuple[Vector, float, int]:
     """Return the mean of the first vectors in the frame, of how long it is, and where they end."""
+    unit, length, up = vectors
     value, known, j, end = so3.ZERO, 0.0, i, AHEAD
     while j < len(unit) and end > 0.0 and not (j > i and restart[j]):
         step = h[j] if h[j] > 0.0 else 1e-3
         end -= step
         known += weight[j] * step
-        D_j = so3.matrix((D[j, 0], D[j, 1], D[j, 2], D[j, 3]))
-        away = so3.sub(so3.scale(length[j], mat3.apply(D_j, so3.row(unit, j))), value)
+        v = so3.flat(so3.row(unit, j), up, j)
+        away = so3.sub(so3.scale(length[j], mat3.apply(so3.matrix(so3.row4(D, j)), v)), value)
         value = so3.add(value, so3.scale(weight[j] * step / max(known, 1e-12), away))
         j += 1
     return value, known, j
@@ -61,12 +66,12 @@ def _first(
 def low_pass(
     h: Array,
     D: Array,
-    unit: Array,
-    length: Array,
+    vectors: tuple[Array, Array, Array],
     weight: Array,
     restart: Mask,
     tau: Array,
     out: Array,
+    valid: Mask,
 ) -> None:
     """Fill out (n, 3) with the directions of low-passed vectors in the body; zero while unknown.
 
@@ -80,22 +85,26 @@ def low_pass(
         Time from the sample before, s.
     D : shape (n, 4)
         Frame of the gyroscope, body to frame.
-    unit, length : shape (n, 3) and (n,)
-        Vectors in the body.
+    vectors : shape (n, 3), (n,) and (n, 3) or (0, 3)
+        Unit vectors in the body, their lengths, and the unit vectors across which they are taken.
     weight : shape (n,)
         By which time goes on for the filter: 0 holds it.
     tau : shape (n,)
         Memory, s.
+    valid : shape (n,)
+        Made False where there is no direction.
     """
+    unit, length, up = vectors
     value = slope = (0.0, 0.0, 0.0)
     known, first = 0.0, 0
     for i in range(len(unit)):
         if restart[i]:
-            value, known, first = _first(i, h, D, unit, length, weight, restart)
+            value, known, first = _first(i, h, D, vectors, weight, restart)
             slope = (0.0, 0.0, 0.0)
-        D_i = so3.matrix((D[i, 0], D[i, 1], D[i, 2], D[i, 3]))
+        D_i = so3.matrix(so3.row4(D, i))
         step = weight[i] * (h[i] if h[i] > 0.0 else 1e-3)
-        away = so3.sub(so3.scale(length[i], mat3.apply(D_i, so3.row(unit, i))), value)
+        v = so3.flat(so3.row(unit, i), up, i)
+        away = so3.sub(so3.scale(length[i], mat3.apply(D_i, v)), value)
         if i < first:
             pass
         elif known + step <= tau[i]:
@@ -108,35 +117,34 @@ def low_pass(
             slope = so3.scale(c, so3.add(slope, so3.scale(w * w * step, away)))
             value = so3.add(value, so3.scale(step, slope))
             known = tau[i]  # where the memory grows later, this much of it is there
-        size = sqrt(so3.dot(value, value))
-        u = so3.scale(1.0 / size if size > 0.0 else 0.0, value)
-        out[i, 0], out[i, 1], out[i, 2] = mat3.apply(mat3.transpose(D_i), u)
+        u, size = so3.unit_of(so3.flat(mat3.apply(mat3.transpose(D_i), value), up, i))
+        out[i, 0], out[i, 1], out[i, 2] = u
+        valid[i] = valid[i] and size > 0.0
+        if len(up):
+            least = LEVEL * LEVEL * so3.dot(value, value)
+            valid[i] = valid[i] and size * size > least and so3.dot(v, v) > LEVEL * LEVEL
 
 
 @kernel
-def across(mag: Array, accel: Array, body: Array, flat: Array) -> None:
-    """Fill the directions (n, 3) of unit vectors across others, and their length there (n,)."""
+def no_longer(drift: float, deviation: Array, tau: Array) -> None:
+    """Shorten memories (n,) so that a rate of some deviation, rad/s, drifts by no more, rad."""
+    for i in range(len(tau)):
+        tau[i] = min(tau[i], drift / max(deviation[i], 1e-12))
+
+
+@kernel
+def across(mag: Array, up: Array, body: Array, valid: Mask) -> None:
+    """Fill the directions (n, 3) of unit vectors across others, invalid where there is none."""
     for i in range(len(mag)):
-        m, up = so3.row(mag, i), so3.row(accel, i)
-        v = so3.sub(m, so3.scale(so3.dot(m, up), up))
-        flat[i] = sqrt(so3.dot(v, v))
-        v = so3.scale(1.0 / flat[i] if flat[i] > 0.0 else 0.0, v)
+        v, size = so3.unit_of(so3.flat(so3.row(mag, i), up, i))
         body[i, 0], body[i, 1], body[i, 2] = v
-
-
-@kernel
-def parts(mag: Array, length: Array, accel: Array, along: Array, across: Array) -> None:
-    """Fill the component (n,) of vectors along others, and the length (n,) of the rest."""
-    for i in range(len(mag)):
-        c = so3.dot(so3.row(mag, i), so3.row(accel, i))
-        along[i], across[i] = length[i] * c, length[i] * sqrt(max(0.0, 1.0 - c * c))
+        valid[i] = valid[i] and size > LEVEL
 
 
 @kernel
 def belief(
     h: Array,
-    along: Array,
-    across: Array,
+    field: tuple[Array, Array, Array],
     gyro: Array,
     valid: Mask,
     restart: Mask,
@@ -151,15 +159,17 @@ def belief(
     ----------
     h : shape (n,)
         Time from the sample before, s.
-    along, across : shape (n,)
-        Component of the field along the vertical, and length of the rest.
+    field : shape (n, 3), (n,) and (n, 3) or (0, 3)
+        Its unit vectors in the body, its strength, and the unit vertical along and across which it
+        is usual; without that, it is in strength.
     gyro : shape (n, 3)
         Rate, rad/s.
     scale
         Difference from the usual field, as a share of its strength, at which half is believed.
     """
-    usual_along = usual_across = known = 0.0
-    other_along = other_across = steady = 0.0
+    mag, length, up = field
+    usual, other = (0.0, 0.0), (0.0, 0.0)
+    known = steady = 0.0
     for i in range(len(out)):
         if restart[i]:
             known = steady = 0.0
@@ -167,25 +177,37 @@ def belief(
             out[i] = 0.0
             continue
         step = h[i] if h[i] > 0.0 else 1e-3
-        d_along, d_across = along[i] - usual_along, across[i] - usual_across
-        strength2 = usual_along * usual_along + usual_across * usual_across
-        x2 = (d_along * d_along + d_across * d_across) / max(strength2 * scale * scale, 1e-300)
-        out[i] = 1.0 if known < START else 1.0 / (1.0 + x2)
+        cosine = so3.dot(so3.row(mag, i), so3.row(up, i)) if len(up) else 0.0
+        now = (length[i] * cosine, length[i] * sqrt(max(0.0, 1.0 - cosine * cosine)))
+        strange2 = _strange2(now, usual, scale)
+        out[i] = 1.0 if known < START else 1.0 / (1.0 + strange2)
         known += step
         share = step / known if known < START else step / MEMORY * max(out[i], LEAST)
-        usual_along += min(1.0, share) * d_along
-        usual_across += min(1.0, share) * d_across
-        share = min(1.0, step / OTHER)
-        other_along += share * (along[i] - other_along)
-        other_across += share * (across[i] - other_across)
-        d_along, d_across = along[i] - other_along, across[i] - other_across
-        strength2 = other_along * other_along + other_across * other_across
-        if out[i] > HALF or d_along * d_along + d_across * d_across > strength2 * scale * scale:
+        usual = _nearer(usual, now, min(1.0, share))
+        other = _nearer(other, now, min(1.0, step / OTHER))
+        if out[i] > HALF or _strange2(now, other, scale) > 1.0:
             steady = 0.0
         elif so3.dot(so3.row(gyro, i), so3.row(gyro, i)) > MOVES * MOVES:
             steady += step
         if steady > ACCEPTED:
-            usual_along, usual_across, steady = other_along, other_across, 0.0
+            usual, steady = other, 0.0
+
+
+@kernel
+def _strange2(field: Pair, usual: Pair, scale: float) -> float:
+    """Return the square of how far a field is from the usual one, in scales of its strength."""
+    along, across = field[0] - usual[0], field[1] - usual[1]
+    strength2 = usual[0] * usual[0] + usual[1] * usual[1]
+    return (along * along + across * across) / max(strength2 * scale * scale, 1e-300)
+
+
+@kernel
+def _nearer(usual: Pair, field: Pair, share: float) -> Pair:
+    """Return a field that is by a share nearer to another."""
+    return (
+        usual[0] + share * (field[0] - usual[0]),
+        usual[1] + share * (field[1] - usual[1]),
+    )
 
 
 @kernel

@@ -48,13 +48,30 @@ FEWEST = 5
 """Samples of a window."""
 
 
+class Block(NamedTuple):
+    """Sums since Theta was last added to, over which the frame is taken as still."""
+
+    time: float
+    """s."""
+    samples: float
+    turned: Vector
+    """Time times rate, rad."""
+    force: Vector
+    """Time times specific force in the body."""
+    field: Vector
+    """Time times field in the body."""
+
+
+EMPTY = Block(0.0, 0.0, so3.ZERO, so3.ZERO, so3.ZERO)
+
+
 class Window(NamedTuple):
     """What is summed up since the last comparison of directions, in arrays that are filled."""
 
     Theta: Array
-    """Since its beginning, (3, 12)."""
+    """Since its beginning, in rows of each element of D, (9, 4)."""
     mean: Array
-    """Sum of weight times Theta, (3, 12)."""
+    """Sum of weight times Theta, (9, 4)."""
     f: Array
     """Sum of weight times each direction in the frame, (k, 3)."""
     before: Array
@@ -70,28 +87,33 @@ class Window(NamedTuple):
     """Of the direction as seen, (1,)."""
     deviation: Array
     """Of the least known axis of the bias, rad/s, (1,)."""
-    block: Array
-    """Sums since Theta was last added to: time, s, time times rate, rad; and samples, (5,)."""
-    seen: Array
-    """And of time times each direction in the body, (k, 3)."""
     resting: Array
     """Sum of time times rate at rest, rad, (3,)."""
 
 
 WEIGHT, TIME, COUNT, BEFORE, REST_TIME, REST_COUNT, WAITED = range(7)
-SAMPLES = 4
 
 
 @kernel
-def turn(Theta: Array, D: Matrix, block: Array) -> None:
-    """Add D [h I, (h Omega_m)^T (x) I], summed over a block, to Theta."""
+def turn(Theta: Array, mean: Array, D: Matrix, block: Block, weight: float) -> None:
+    """Add D [h I, (h Omega_m)^T (x) I], summed over a block, to Theta, and that to its mean."""
+    columns = (block.time, block.turned[0], block.turned[1], block.turned[2])
+    for j in range(9):
+        for k in range(4):
+            Theta[j, k] += D[j] * columns[k]
+            mean[j, k] += weight * Theta[j, k]
+
+
+@kernel
+def in_order(Theta: Array) -> Array:
+    """Return Theta in the order of x, shape (3, 12)."""
+    ordered = np.empty((3, N))
     for j in range(3):
         for k in range(3):
-            d = D[3 * j + k]
-            Theta[j, k] += d * block[0]
-            Theta[j, 3 + 3 * k] += d * block[1]
-            Theta[j, 4 + 3 * k] += d * block[2]
-            Theta[j, 5 + 3 * k] += d * block[3]
+            ordered[j, k] = Theta[3 * j + k, 0]
+            for axis in range(3):
+                ordered[j, 3 + 3 * k + axis] = Theta[3 * j + k, 1 + axis]
+    return ordered
 
 
 @kernel
@@ -114,48 +136,41 @@ def clear(window: Window) -> None:
     window.Theta[:] = 0.0
     window.mean[:] = 0.0
     window.f[:] = 0.0
-    window.block[:] = 0.0
-    window.seen[:] = 0.0
     window.clock[:BEFORE] = 0.0
 
 
 @kernel
-def add(window: Window, Omega_m: Vector, y: Array, i: int, h: float) -> None:
-    """Add a sample to the block."""
-    block, seen = window.block, window.seen
-    block[0] += h
-    for j in range(3):
-        block[1 + j] += h * Omega_m[j]
-    block[SAMPLES] += 1.0
-    for k in range(len(seen)):
-        for j in range(3):
-            seen[k, j] += h * y[i, k, j]
+def more(block: Block, h: float, Omega_m: Vector, force: Vector, field: Vector) -> Block:
+    """Add a sample to a block."""
+    return Block(
+        block.time + h,
+        block.samples + 1.0,
+        so3.add(block.turned, so3.scale(h, Omega_m)),
+        so3.add(block.force, so3.scale(h, force)),
+        so3.add(block.field, so3.scale(h, field)),
+    )
 
 
 @kernel
-def end_block(window: Window, x: Array, q: Quaternion) -> Quaternion:
-    """Add a block to the window, weighted by a Hann function of its time; return the frame then."""
-    block, clock = window.block, window.clock
-    h, turned = block[0], (block[1], block[2], block[3])
-    known = so3.scale(h, gyroscope_errors.error(x, so3.scale(1.0 / h, turned)))
-    theta = so3.sub(turned, known)
+def end_block(
+    block: Block, x: Array, q: Quaternion, Theta: Array, mean: Array, f: Array, clock: Array
+) -> Quaternion:
+    """Add a block to a window, weighted by a Hann function of its time; return the frame then."""
+    h = block.time
+    known = so3.scale(h, gyroscope_errors.error(x, so3.scale(1.0 / h, block.turned)))
+    theta = so3.sub(block.turned, known)
     # the samples are each at the end of a step: their mean is past the middle
-    share = 0.5 + 0.5 / block[SAMPLES]
+    share = 0.5 + 0.5 / block.samples
     D = so3.matrix(so3.multiply(q, so3.exp(so3.scale(share, theta))))
-    turn(window.Theta, D, block)
     hann = sin(pi * min(1.0, clock[TIME] / WINDOW)) ** 2
-    for k in range(len(window.f)):
-        fixed = mat3.apply(D, so3.row(window.seen, k))
+    turn(Theta, mean, D, block, h * hann)
+    for k in range(len(f)):
+        fixed = mat3.apply(D, block.field if k else block.force)
         for j in range(3):
-            window.f[k, j] += hann * fixed[j]
-    clock[COUNT] += block[SAMPLES]
+            f[k, j] += hann * fixed[j]
+    clock[COUNT] += block.samples
     clock[WEIGHT] += h * hann
     clock[TIME] += h
-    for j in range(3):
-        for m in range(N):
-            window.mean[j, m] += h * hann * window.Theta[j, m]
-    block[:] = 0.0
-    window.seen[:] = 0.0
     return so3.multiply(q, so3.exp(theta))
 
 
@@ -178,7 +193,7 @@ def most(window: Window, H: Array, P: Array) -> float:
 @kernel
 def close(window: Window, x: Array, P: Array) -> None:
     """Compare the directions of a window that is over with those before, and begin the next."""
-    window.mean[:] /= max(window.clock[WEIGHT], 1e-12)
+    mean = in_order(window.mean) / max(window.clock[WEIGHT], 1e-12)
     for k in range(len(window.f)):
         f = so3.row(window.f, k)
         window.f[k] /= max(sqrt(so3.dot(f, f)), 1e-12)
@@ -186,7 +201,7 @@ def close(window: Window, x: Array, P: Array) -> None:
     if window.clock[BEFORE] > 0.0:
         # x has changed since the window before, and with it what is left to be explained
         told = gyroscope_errors.times(window.before, window.x[1] - window.x[0])
-        window.before[:] += window.mean
+        window.before[:] += mean
         f = so3.row(window.f_before, 0)
         H = gyroscope_errors.sensitivity(window.before, f)
         nu = so3.sub(so3.sub(so3.row(window.f, 0), f), so3.cross(told, f))
@@ -195,7 +210,7 @@ def close(window: Window, x: Array, P: Array) -> None:
         if size2 < most(window, H, P) ** 2:
             gyroscope_errors.compare(x, P, H, nu, max(window.variance[0], DIRECTION_STD**2))
         note_deviation(window, P)
-    window.before[:] = window.Theta - window.mean
+    window.before[:] = in_order(window.Theta) - mean
     window.f_before[:] = window.f
     window.x[0] = window.x[1]
     window.x[1] = x
@@ -204,14 +219,14 @@ def close(window: Window, x: Array, P: Array) -> None:
 
 
 @kernel
-def stay(window: Window, x: Array, P: Array, Omega_m: Vector, h: float) -> None:
-    """Take a sample at rest, and what it tells; directions of before tell no more then."""
+def stay(window: Window, x: Array, P: Array, Omega_m: Vector, h: float) -> bool:
+    """Take a sample at rest; tell whether it told, and directions of before tell no more."""
     for j in range(3):
         window.resting[j] += h * Omega_m[j]
     window.clock[REST_TIME] += h
     window.clock[REST_COUNT] += 1.0
     if window.clock[REST_TIME] < REST or window.clock[REST_COUNT] < FEWEST:
-        return
+        return False
     walk(window, P)
     turned = (window.resting[0], window.resting[1], window.resting[2])
     gyroscope_errors.at_rest(x, P, so3.scale(1.0 / window.clock[REST_TIME], turned))
@@ -221,64 +236,7 @@ def stay(window: Window, x: Array, P: Array, Omega_m: Vector, h: float) -> None:
     clear(window)
     window.clock[BEFORE] = 0.0
     window.x[1] = x
-
-
-@kernel
-def run(
-    h: Array,
-    gyro: Array,
-    y: Array,
-    rest: Mask,
-    restart: Mask,
-    known: Array,
-    window: Window,
-    rate: Array,
-    bias: Array,
-    deviation: Array,
-) -> None:
-    """Fill the corrected rate and the bias, (n, 3), with its deviation, (n,), and x at the end.
-
-    Parameters
-    ----------
-    h : shape (n,)
-        Time from the sample before, s; a sample is the mean rate over it.
-    gyro : shape (n, 3)
-        Rate, rad/s.
-    y : shape (n, 0, 1 or 2, 3)
-        Specific force, which stands still in the world on average, and the field, which only tells
-        whether a drift is a turn of the frame; in any unit.
-    rest, restart : shape (n,)
-        Where the body is at rest; where nothing before tells of a sample.
-    known : shape (2, 12)
-        x and its standard deviations: at first, and filled with those at the end.
-    """
-    x, P, q = known[0].copy(), np.diag(known[1] ** 2), (1.0, 0.0, 0.0, 0.0)
-    for i in range(len(gyro)):
-        Omega_m = so3.row(gyro, i)
-        Omega = so3.sub(Omega_m, gyroscope_errors.error(x, Omega_m))
-        rate[i, 0], rate[i, 1], rate[i, 2] = Omega
-        bias[i, 0], bias[i, 1], bias[i, 2] = x[0], x[1], x[2]
-        deviation[i] = window.deviation[0]
-        window.clock[WAITED] += h[i]
-        if restart[i]:
-            clear(window)
-            window.clock[BEFORE] = 0.0
-        if rest[i]:
-            stay(window, x, P, Omega_m, h[i])
-            continue
-        if window.clock[REST_TIME] > 0.0:
-            window.resting[:] = 0.0
-            window.clock[REST_TIME:WAITED] = 0.0
-        if len(window.f) and not restart[i]:
-            add(window, Omega_m, y, i, h[i])
-            if window.block[0] < BLOCK:
-                continue
-            q = end_block(window, x, q)
-            if window.clock[TIME] >= WINDOW and window.clock[COUNT] >= FEWEST:
-                close(window, x, P)
-                q = so3.normalize(q)
-    walk(window, P)
-    known[0], known[1] = x, np.sqrt(np.maximum(np.diag(P), 0.0))
+    return True
 
 
 class Followed(NamedTuple):
@@ -294,13 +252,73 @@ class Followed(NamedTuple):
     """x and its standard deviations at the end, shape (2, 12)."""
 
 
-def follow(h: Array, gyro: Array, y: Array, rest: Mask, restart: Mask, known: Array) -> Followed:
-    """Correct a gyroscope; parameters are those of `run`."""
-    rate, bias, deviation = np.empty_like(gyro), np.empty_like(gyro), np.empty(len(gyro))
-    known, k = known.copy(), y.shape[1]
-    shapes = ((3, N), (3, N), (k, 3), (3, N), (k, 3), (2, N), 7, 1, 1, 5, (k, 3), 3)
+@kernel
+def run(
+    h: Array,
+    gyro: Array,
+    force: Array,
+    field: Array,
+    rest: Mask,
+    restart: Mask,
+    window: Window,
+    found: Followed,
+) -> None:
+    """Fill what is found, whose x and standard deviations are those at first before.
+
+    Parameters
+    ----------
+    h : shape (n,)
+        Time from the sample before, s; a sample is the mean rate over it.
+    gyro : shape (n, 3)
+        Rate, rad/s.
+    force, field : shape (n, 3) or (0, 3)
+        Specific force, which stands still in the world on average, and the field, which only tells
+        whether a drift is a turn of the frame; in any unit. Without the force, only rest tells.
+    rest, restart : shape (n,)
+        Where the body is at rest; where nothing before tells of a sample.
+    """
+    rate, bias, deviation, known = found
+    x, P, q = known[0].copy(), np.diag(known[1] ** 2), (1.0, 0.0, 0.0, 0.0)
+    block, Theta, mean, f, clock = EMPTY, window.Theta, window.mean, window.f, window.clock
+    for i in range(len(gyro)):
+        Omega_m = so3.row(gyro, i)
+        Omega = so3.sub(Omega_m, gyroscope_errors.error(x, Omega_m))
+        rate[i, 0], rate[i, 1], rate[i, 2] = Omega
+        bias[i, 0], bias[i, 1], bias[i, 2] = x[0], x[1], x[2]
+        deviation[i] = window.deviation[0]
+        window.clock[WAITED] += h[i]
+        if restart[i]:
+            clear(window)
+            window.clock[BEFORE], block = 0.0, EMPTY
+        if rest[i]:
+            if stay(window, x, P, Omega_m, h[i]):
+                block = EMPTY
+            continue
+        if window.clock[REST_TIME] > 0.0:
+            window.resting[:] = 0.0
+            window.clock[REST_TIME:WAITED] = 0.0
+        if len(force) and not restart[i]:
+            seen = so3.row(field, i) if len(field) else so3.ZERO
+            block = more(block, h[i], Omega_m, so3.row(force, i), seen)
+            if block.time < BLOCK:
+                continue
+            q, block = end_block(block, x, q, Theta, mean, f, clock), EMPTY
+            if window.clock[TIME] >= WINDOW and window.clock[COUNT] >= FEWEST:
+                close(window, x, P)
+                q = so3.normalize(q)
+    walk(window, P)
+    known[0], known[1] = x, np.sqrt(np.maximum(np.diag(P), 0.0))
+
+
+def follow(
+    h: Array, gyro: Array, force: Array, field: Array, rest: Mask, restart: Mask, known: Array
+) -> Followed:
+    """Correct a gyroscope; parameters are those of `run`, and x and its deviations before."""
+    n, k = len(gyro), int(len(force) > 0) + int(len(field) > 0)
+    found = Followed(np.empty((n, 3)), np.empty((n, 3)), np.empty(n), known.copy())
+    shapes = ((9, 4), (9, 4), (k, 3), (3, N), (k, 3), (2, N), 7, 1, 1, 3)
     window = Window(*[np.zeros(shape) for shape in shapes])
     window.variance[:], window.deviation[:] = DIRECTION_STD**2, known[1, :3].max()
     window.x[:] = known[0]
-    run(h, gyro, y, rest, restart, known, window, rate, bias, deviation)
-    return Followed(rate, bias, deviation, known)
+    run(h, gyro, force, field, rest, restart, window, found)
+    return found

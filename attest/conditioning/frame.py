@@ -115,7 +115,7 @@ def carry(
         return y, np.ones(len(t), np.bool_), np.zeros(len(t), np.int64)
     fixed, body = np.empty_like(y), np.empty((len(t), 3))
     age = np.empty(len(t), np.int64)
-    fix(t, D, stamps, 0, np.ascontiguousarray(y), fixed)
+    fix(t, D, stamps, np.ascontiguousarray(y), fixed)
     _carry(t, D, stamps, fixed, body, age)
     return body, age <= max_age, age
 
@@ -153,14 +153,14 @@ def _at(t: Stamps, D: Array, when: Stamps, found: Array) -> None:
 
 
 @kernel
-def fix(t: Stamps, D: Array, stamps: Stamps, shift: int, y: Array, fixed: Array) -> None:
-    """Fill fixed (j, 3) with vectors y in the frame, each at its stamp and a shift, nanoseconds.
+def fix(t: Stamps, D: Array, stamps: Stamps, y: Array, fixed: Array) -> None:
+    """Fill fixed (j, 3) with vectors y in the frame, each at its stamp.
 
     The frame is held before its first stamp and after its last.
     """
     i = 0
     for k in range(len(stamps)):
-        when = min(max(stamps[k] + shift, t[0]), t[-1])
+        when = min(max(stamps[k], t[0]), t[-1])
         i = last_before(t, when, i)
         q = between(t, D, when, i)
         fixed[k, 0], fixed[k, 1], fixed[k, 2] = mat3.apply(so3.matrix(q), so3.row(y, k))

@@ -9,7 +9,7 @@ from attest.conditioning import drift, frame, gyroscope_errors, smoothing
 from attest.conditioning.measured import usable
 from attest.conditioning.rest import BIAS
 from attest.conditioning.rested import rested
-from attest.conditioning.rows import place
+from attest.conditioning.rows import times_since
 from attest.config import Conditioning
 from attest.recording import Note, Recording, Signal, seconds
 
@@ -58,7 +58,7 @@ def rates(
     divided = (substeps > 1) | np.append(restart[1:], True)
     mean[divided] = 0.5 * (at[divided] + over[divided])
     over[divided] = at[divided]
-    frame.cone(steps(gyro, restart), at, divided, over, mean)
+    frame.cone(times_since(gyro.t, restart), at, divided, over, mean)
     return replace(corrected, over=over, mean=mean), notes
 
 
@@ -73,7 +73,7 @@ def resting(recording: Recording, gyro: Signal, restart: Mask) -> tuple[Array, M
     if len(accel.t) < drift.FEWEST:
         return None
     force, field = _at(gyro.t, accel), _field(recording, gyro)
-    return force, rested(steps(gyro, restart), gyro.y, force, restart, field)
+    return force, rested(times_since(gyro.t, restart), gyro.y, force, restart, field)
 
 
 def _corrected(
@@ -88,9 +88,9 @@ def _corrected(
     if told is None:
         return _as_given(gyro, known[0]), []
     force, still = told
-    h = steps(gyro, restart)
-    y = _still(recording, gyro, force, h, config.max_step_s)
-    at, bias, deviation, found = drift.follow(h, gyro.y, y, still, restart, known)
+    h = times_since(gyro.t, restart)
+    standing = _still(recording, gyro, force, h, config.max_step_s)
+    at, bias, deviation, found = drift.follow(h, gyro.y, *standing, still, restart, known)
     return Rates(at, at, at, bias, found, deviation), [_told(still, known, found)]
 
 
@@ -100,12 +100,6 @@ def _as_given(gyro: Signal, x: Array) -> Rates:
         return Rates(gyro.y, gyro.y, gyro.y, None)
     at = gyro.y - x[:3] - gyro.y @ x[3:].reshape(3, 3).T
     return Rates(at, at, at, np.broadcast_to(x[:3], gyro.y.shape).copy())
-
-
-def steps(gyro: Signal, restart: Mask) -> Array:
-    """Return the time from the sample before, s, zero at a restart."""
-    h: Array = np.where(restart, 0.0, np.diff(gyro.t, prepend=gyro.t[0]) * 1e-9)
-    return h
 
 
 def unfit(recording: Recording, gyro: Signal, h: Array, max_step: float) -> str | None:
@@ -125,16 +119,13 @@ def unfit(recording: Recording, gyro: Signal, h: Array, max_step: float) -> str 
     return None
 
 
-def _still(recording: Recording, gyro: Signal, force: Array, h: Array, max_step: float) -> Array:
-    """Return what stands still in the world on average, shape (n, 0, 1 or 2, 3)."""
+def _still(
+    recording: Recording, gyro: Signal, force: Array, h: Array, max_step: float
+) -> tuple[Array, Array]:
+    """Return what stands still in the world on average, force and field, (n, 3) or (0, 3)."""
     if unfit(recording, gyro, h, max_step) is not None:
-        return np.empty((len(h), 0, 3))
-    field = _field(recording, gyro)
-    vectors = [force, field] if len(field) else [force]
-    stacked = np.empty((len(h), len(vectors), 3))
-    for k, vector in enumerate(vectors):
-        place(stacked, k, vector)
-    return stacked
+        return np.empty((0, 3)), np.empty((0, 3))
+    return force, _field(recording, gyro)
 
 
 def _field(recording: Recording, gyro: Signal) -> Array:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from attest.conditioning import frame, windows
-from attest.conditioning.measured import unit
+from attest.conditioning.measured import Measured, unit
 from attest.conditioning.rows import first_of_cells
 from attest.conditioning.timeline import SECOND, Timeline
 from attest.conditioning.windows import Windows
@@ -103,7 +103,7 @@ class Fit:
     """Of each sample, shape (n,)."""
 
 
-def field(line: Timeline, mag: Signal, force: Array | None) -> Field | None:
+def field(line: Timeline, mag: Signal, vertical: Measured | None) -> Field | None:
     """Choose samples of a magnetometer, none where the gyroscope is silent.
 
     Parameters
@@ -112,22 +112,25 @@ def field(line: Timeline, mag: Signal, force: Array | None) -> Field | None:
         The gyroscope.
     mag
         The magnetometer, at its right time.
-    force : shape (n, 3)
-        Specific force at the gyroscope's stamps, vertical on average; None where that is not known.
+    vertical
+        Vertical on average; None where that is not known.
     """
-    inside = np.flatnonzero((mag.t >= line.t[0]) & (mag.t <= line.t[-1]))
-    if len(inside) < 2:
+    first = int(np.searchsorted(mag.t, line.t[0], side="left"))
+    last = int(np.searchsorted(mag.t, line.t[-1], side="right"))
+    if last - first < 2:
         return None
-    chosen = inside[first_of_cells(mag.t[inside], round(SPACING * SECOND))]
+    chosen = first + first_of_cells(mag.t[first:last], round(SPACING * SECOND))
     chosen = chosen[:: -(-len(chosen) // MOST_SAMPLES)]
     t, y = mag.t[chosen], mag.y[chosen]
     window = _numbers((t - t[0]) // round(WINDOW * SECOND))
     strength = float(np.median(np.linalg.norm(y, axis=1)))
     D = frame.at(line.t, line.D, t)
     up = None
-    if force is not None:
+    if vertical is not None:
         near = frame.nearest(line.t, t)[0]
-        up = unit(_means(quaternion.rotate(line.D[near], force[near]), window))
+        length = np.where(vertical.valid[near], vertical.length[near], 0.0)
+        force = length[:, np.newaxis] * vertical.body[near]
+        up = unit(_means(quaternion.rotate(line.D[near], force), window))
     X = np.empty((len(y), 3, 12))
     windows.columns(D, y / strength, X)
     return Field(X, strength, window, up)

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from attest.conditioning import frame
 from attest.conditioning.rows import first_of_cells
 from attest.conditioning.specific_force import lowest
+from attest.geometry import mat3, so3
+from attest.geometry.jit import kernel
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -41,26 +43,27 @@ def find(t: Stamps, D: Array, stamps: Stamps, y: Array) -> float:
     """
     chosen = _spaced(stamps)
     stamps, u = stamps[chosen], y[chosen]
-    near = np.diff(stamps) < LONGEST * 1e9
-    if near.sum() < 20:
+    near = int(np.count_nonzero(np.diff(stamps) < LONGEST * 1e9))
+    if near < 20:
         return 0.0
     u = u / np.linalg.norm(u, axis=1, keepdims=True)
     none = int(np.argmin(np.abs(LATENCIES)))
-    misfit, fixed = np.full(len(LATENCIES), np.inf), np.empty_like(u)
+    misfit = np.full(len(LATENCIES), np.inf)
 
     def look(these: Iterable[int]) -> None:
-        for k in these:
-            if 0 <= k < len(LATENCIES) and misfit[k] == np.inf:
-                frame.fix(t, D, stamps, -round(LATENCIES[k] * 1e9), u, fixed)
-                misfit[k] = np.sum(np.diff(fixed, axis=0)[near] ** 2)
+        new = [k for k in these if 0 <= k < len(LATENCIES) and misfit[k] == np.inf]
+        late = np.round(np.sort(LATENCIES[new]) * 1e9).astype(np.int64)
+        found = np.zeros(len(new))
+        _misfits(t, D, stamps, u, late, np.empty((len(new), 3)), found)
+        misfit[np.sort(new)] = found
 
-    look((*range(0, len(LATENCIES), COARSE), len(LATENCIES) - 1, none))
+    look({*range(0, len(LATENCIES), COARSE), len(LATENCIES) - 1, none})
     around = int(np.argmin(misfit))
     look(range(around - COARSE, around + COARSE + 1))
     best = int(np.argmin(misfit))
     without = misfit[none]
     # of residuals without correlation, the misfit falls by the square of the deviations
-    sure = without - misfit[best] > SURE**2 * misfit[best] / (3 * near.sum())
+    sure = without - misfit[best] > SURE**2 * misfit[best] / (3 * near)
     if best in {0, len(LATENCIES) - 1} or not sure:
         return 0.0
     found = LATENCIES[best] + lowest(misfit[best - 1 : best + 2]) * (LATENCIES[1] - LATENCIES[0])
@@ -70,3 +73,28 @@ def find(t: Stamps, D: Array, stamps: Stamps, y: Array) -> float:
 def _spaced(stamps: Stamps) -> NDArray[np.intp]:
     """Return the first sample of each `SPACING`, `MOST_SAMPLES` at the most."""
     return first_of_cells(stamps, int(SPACING * 1e9))[:MOST_SAMPLES]
+
+
+@kernel
+def _misfits(
+    t: Stamps, D: Array, stamps: Stamps, u: Array, late: Stamps, before: Array, misfit: Array
+) -> None:
+    """Add to misfit (k,) by how much vectors in the frame differ from those before them, squared.
+
+    All latencies (k,), rising, are tried of a sample before the next, since they are near to each
+    other in the log. ``before`` is (k, 3), for work.
+    """
+    start, last = 0, len(late) - 1
+    for j in range(len(stamps)):
+        i = start
+        near = j > 0 and stamps[j] - stamps[j - 1] < LONGEST * 1e9
+        for k in range(last, -1, -1):
+            when = min(max(stamps[j] - late[k], t[0]), t[-1])
+            i = frame.last_before(t, when, i)
+            if k == last:
+                start = i
+            v = mat3.apply(so3.matrix(frame.between(t, D, when, i)), so3.row(u, j))
+            away = so3.sub(v, so3.row(before, k))
+            if near:
+                misfit[k] += so3.dot(away, away)
+            before[k, 0], before[k, 1], before[k, 2] = v

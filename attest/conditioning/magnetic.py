@@ -59,7 +59,7 @@ def dip_of_log(accel: Array, mag: Array, valid: NDArray[np.bool_]) -> float | No
     valid : shape (n,)
         Which to use; None is returned where there are none.
     """
-    chosen = np.flatnonzero(valid)
+    chosen = np.arange(len(valid)) if valid.all() else np.flatnonzero(valid)
     if not len(chosen):
         return None
     chosen = chosen[:: -(-len(chosen) // MOST_SAMPLES)]

@@ -66,11 +66,11 @@ def calibrated(
     return replace(signal, y=verdict.iron.off(signal.y)), [calibration.note(verdict)]
 
 
-def vertical(before: list[Measured]) -> Array | None:
-    """Return what is measured along the vertical on the timeline, with its length, (n, 3)."""
+def vertical(before: list[Measured]) -> Measured | None:
+    """Return what is measured along the vertical on the timeline."""
     for vector in before:
         if len(vector.inertial) == 1 and abs(vector.inertial[0, 2]) > VERTICAL:
-            return vector.body * np.where(vector.valid, vector.length, 0.0)[:, np.newaxis]
+            return vector
     return None
 
 

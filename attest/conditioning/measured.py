@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from attest.conditioning import frame
-from attest.conditioning.rows import largest, split
+from attest.conditioning.rows import count_between, largest, split
 from attest.conditioning.timeline import SECOND, Timeline
 from attest.config import Conditioning
 from attest.recording import Note, Signal
@@ -31,12 +31,18 @@ class Measured:
     """Of a magnetometer, the model's field in the world, tesla, shape (3,)."""
 
 
+def any_usable(signal: Signal) -> bool:
+    """Tell whether any vector has a direction."""
+    few = signal.y[:1]  # the first one, usually
+    return count_between(few, SHORTEST, LONGEST) > 0 or len(usable(signal)[0].t) > 0
+
+
 def usable(signal: Signal) -> tuple[Signal, list[Note]]:
     """Leave out vectors that have no direction: of no length, or of none that is real."""
+    if count_between(signal.y, SHORTEST, LONGEST) == len(signal.t):
+        return signal, []
     length = largest(signal.y)
     some = np.flatnonzero((length > SHORTEST) & (length < LONGEST))
-    if len(some) == len(signal.t):
-        return signal, []
     left_out = Note(f"{signal.source} vector of no real length left out", len(signal.t) - len(some))
     return Signal(signal.t[some], signal.y[some], signal.source), [left_out]
 

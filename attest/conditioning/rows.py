@@ -27,6 +27,34 @@ def _largest(y: Array, out: Array) -> None:
         out[i] = max(a, b, c) + 0.0 * (a + b + c)
 
 
+def count_between(y: Array, least: float, most: float) -> int:
+    """Count the rows of (n, 3) whose largest magnitude is between two."""
+    if y.ndim != 2 or y.shape[1] != 3:
+        size = largest(y)
+        return int(np.count_nonzero((size > least) & (size < most)))
+    return int(_count_between(np.ascontiguousarray(y, np.float64), least, most))
+
+
+@kernel
+def _count_between(y: Array, least: float, most: float) -> int:
+    count = 0
+    for i in range(len(y)):
+        a, b, c = abs(y[i, 0]), abs(y[i, 1]), abs(y[i, 2])
+        size = max(a, b, c) + 0.0 * (a + b + c)
+        count += least < size < most
+    return count
+
+
+@kernel
+def shortest_and_longest(t: Stamps) -> tuple[int, int]:
+    """Return the least and the greatest time between neighbouring stamps, two at the least."""
+    shortest = longest = t[1] - t[0]
+    for i in range(1, len(t)):
+        step = t[i] - t[i - 1]
+        shortest, longest = min(shortest, step), max(longest, step)
+    return shortest, longest
+
+
 @kernel
 def split(v: Array, unit: Array, length: Array) -> None:
     """Fill the unit vectors (n, 3) and the lengths (n,) of vectors; zero stays zero."""
@@ -46,5 +74,31 @@ def place(out: Array, k: int, v: Array) -> None:
 
 def first_of_cells(t: Stamps, spacing: int) -> NDArray[np.intp]:
     """Return the first sample of each cell of time that has one, nanoseconds, t rising."""
-    cells = (t - t[0]) // spacing
-    return np.flatnonzero(np.concatenate([[True], cells[1:] != cells[:-1]]))
+    first = np.empty(min(len(t), 1 + int((t[-1] - t[0]) // spacing)), np.intp)
+    return first[: _first_of_cells(t, spacing, first)]
+
+
+@kernel
+def _first_of_cells(t: Stamps, spacing: int, first: NDArray[np.intp]) -> int:
+    """Fill the first samples of cells; return how many."""
+    count, end = 0, t[0]
+    for i in range(len(t)):
+        if t[i] >= end:
+            first[count] = i
+            count += 1
+            end = t[0] + ((t[i] - t[0]) // spacing + 1) * spacing
+    return count
+
+
+@kernel
+def since(t: Stamps, restart: NDArray[np.bool_], h: Array) -> None:
+    """Fill h (n,) with the time from the stamp before, s, zero at a restart."""
+    for i in range(len(t)):
+        h[i] = 0.0 if i == 0 or restart[i] else 1e-9 * (t[i] - t[i - 1])
+
+
+def times_since(t: Stamps, restart: NDArray[np.bool_]) -> Array:
+    """Return the time from the stamp before, s, zero at a restart, shape (n,)."""
+    h = np.empty(len(t))
+    since(t, restart, h)
+    return h

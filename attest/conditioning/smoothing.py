@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from attest.conditioning import directions
 from attest.conditioning.measured import Measured, unit
+from attest.conditioning.rows import times_since
 from attest.conditioning.timeline import Timeline
 from attest.config import Conditioning, SmoothedConditioning
 from attest.recording import Note
@@ -15,8 +16,6 @@ from attest.smoothing.turned import SUDDEN, WINDOW, turned
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-LEVEL = 0.05
-"""Least part of a field across the vertical that has a direction."""
 FRAME_ERROR = 0.01
 """By which the gyroscope's frame may err over a filter's memory, rad."""
 SIGMAS = 3.0
@@ -27,6 +26,7 @@ LESS = 0.8
 """Share of the longest memory below which it is shorter."""
 DRIFT = 0.02
 """And by which it may drift over it, by the deviation of the gyroscope's bias, rad."""
+NONE = np.empty((0, 3))
 DOUBTED = 0.5
 """Belief below which a sample of the field counts as disturbed."""
 
@@ -46,15 +46,13 @@ def smooth(
         Of the gyroscope's bias, rad/s: no memory is so long that the frame drifts; None where that
         is as it was given.
     """
-    h = np.where(restart, 0.0, np.diff(line.t, prepend=line.t[0]) * 1e-9)
+    h = times_since(line.t, restart)
     settings, after, notes = config.smoothing, dict(found), []
     accel, mag = found.get("accel"), found.get("mag")
-    longest = np.full(len(h), longest_memory(h, line.gyro, config.max_step_s))
-    if deviation is not None:
-        longest = np.minimum(longest, DRIFT / np.maximum(deviation, 1e-12))
+    longest = longest_memory(h, line.gyro, config.max_step_s)
     if accel is not None and settings.accel_s is not None and len(accel.inertial) == 1:
-        tau = np.minimum(settings.accel_s, longest)
-        accel = _low_passed(accel, h, line, accel.valid.astype(float), restart, tau)
+        tau = _memory(min(settings.accel_s, longest), len(h), deviation)
+        accel = low_passed(accel, h, line, accel.valid.astype(float), restart, tau)
         after["accel"] = accel
         notes.append(_told("accelerometer", tau, settings.accel_s))
     if mag is None:
@@ -65,19 +63,29 @@ def smooth(
         weight, told = _belief(mag, accel, line.gyro, h, restart, config)
         notes += told
     apart = accel if config.magnetometer.decouple_tilt else None
-    if apart is not None and len(apart.inertial) == 1:  # so that errors of the vertical cancel
-        mag = _across(mag, apart)
+    # before the low-pass only where the vertical stands still, so that its errors cancel
+    up = apart.body if apart is not None and len(apart.inertial) == 1 else NONE
     if not isinstance(config, SmoothedConditioning):  # who tells it by the bias that it finds
+        most = SUDDEN if deviation is None else SUDDEN + SIGMAS * WINDOW * deviation
         aided = accel is not None and len(accel.inertial) > 1
-        notes += _turned(mag, line, h, restart, deviation, aided=aided)
+        vectors = (mag.body, up)
+        notes += turned(h, line.D, vectors, mag.valid, restart, aided=aided, most=most)
     if settings.mag_s is not None:
-        tau = np.minimum(settings.mag_s, longest)
-        mag = _low_passed(mag, h, line, weight, restart, tau)
+        tau = _memory(min(settings.mag_s, longest), len(h), deviation)
+        mag = low_passed(mag, h, line, weight, restart, tau, up)
         notes.append(_told("magnetometer", tau, settings.mag_s))
     if apart is not None:
-        mag = _across(mag, apart)
-    after["mag"] = replace(mag, length=found["mag"].length)
+        mag = _across(mag, apart, done=settings.mag_s is not None and len(up) > 0)
+    after["mag"] = mag
     return after, notes
+
+
+def _memory(most: float, n: int, deviation: Array | None) -> Array:
+    """Return how long to remember at each sample, s, (n,), at most while the frame is still."""
+    tau = np.full(n, most)
+    if deviation is not None:
+        directions.no_longer(DRIFT, deviation, tau)
+    return tau
 
 
 def longest_memory(h: Array, gyro: Array, max_step: float) -> float:
@@ -114,13 +122,20 @@ def _told(sensor: str, tau: Array, wanted: float) -> Note:
     )
 
 
-def _low_passed(
-    vector: Measured, h: Array, line: Timeline, weight: Array, restart: Mask, tau: Array
+def low_passed(
+    vector: Measured,
+    h: Array,
+    line: Timeline,
+    weight: Array,
+    restart: Mask,
+    tau: Array,
+    up: Array = NONE,
 ) -> Measured:
-    out = np.empty_like(vector.body)
-    directions.low_pass(h, line.D, vector.body, vector.length, weight, restart, tau, out)
-    known = np.abs(out[:, 0]) + np.abs(out[:, 1]) + np.abs(out[:, 2]) > 0.0
-    return replace(vector, body=out, valid=vector.valid & known)
+    """Low-pass a vector, or its direction across the unit vectors ``up``, by `directions`."""
+    body, valid = np.empty_like(vector.body), vector.valid.copy()
+    vectors = (vector.body, vector.length, up)
+    directions.low_pass(h, line.D, vectors, weight, restart, tau, body, valid)
+    return replace(vector, body=body, valid=valid)
 
 
 def _belief(
@@ -130,42 +145,23 @@ def _belief(
     scale = config.magnetometer.disturbance
     if scale is None:
         return mag.valid.astype(float), []
-    along, across = np.empty(len(h)), np.empty(len(h))
-    directions.parts(mag.body, mag.length, accel.body, along, across)
-    if len(accel.inertial) > 1:  # the vertical turns in the world: strength alone tells
-        along, across = np.zeros(len(h)), mag.length
+    # where the vertical turns in the world, strength alone tells
+    up = accel.body if len(accel.inertial) == 1 else NONE
     weight = np.empty(len(h))
-    directions.belief(h, along, across, gyro, mag.valid, restart, scale, weight)
-    disturbed = int(np.sum(mag.valid & (weight < DOUBTED)))
+    field = (mag.body, mag.length, up)
+    directions.belief(h, field, gyro, mag.valid, restart, scale, weight)
+    disturbed = int(np.count_nonzero(mag.valid & (weight < DOUBTED)))
     text = "magnetometer sample unlike the field before it, believed the less"
     many = disturbed > 0.1 * len(h)
     return weight, [Note(text, disturbed, doubt=many)] if disturbed else []
 
 
-def _turned(
-    mag: Measured,
-    line: Timeline,
-    h: Array,
-    restart: Mask,
-    deviation: Array | None,
-    *,
-    aided: bool,
-) -> list[Note]:
-    """Say where the field turns against the gyroscope by more than that can err."""
-    most = SUDDEN if deviation is None else SUDDEN + SIGMAS * WINDOW * deviation
-    return turned(h, line.D, mag.body, mag.valid, restart, aided=aided, most=most)
-
-
-def _across(mag: Measured, accel: Measured) -> Measured:
+def _across(mag: Measured, accel: Measured, *, done: bool) -> Measured:
     """Keep of the field what is across the accelerometer's direction, in body and world."""
-    body, flat = np.empty_like(mag.body), np.empty(len(mag.body))
-    directions.across(mag.body, accel.body, body, flat)
     share = np.sum(mag.inertial * accel.inertial, axis=1, keepdims=True)
-    known = mag.inertial - share * accel.inertial
-    return replace(
-        mag,
-        body=body,
-        inertial=unit(known),
-        length=mag.length * flat,
-        valid=mag.valid & (flat > LEVEL),
-    )
+    mag = replace(mag, inertial=unit(mag.inertial - share * accel.inertial))
+    if done:
+        return mag
+    body, valid = np.empty_like(mag.body), mag.valid.copy()
+    directions.across(mag.body, accel.body, body, valid)
+    return replace(mag, body=body, valid=valid)

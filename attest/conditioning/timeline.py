@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from attest.conditioning import frame
-from attest.conditioning.rows import largest
+from attest.conditioning.rows import count_between, largest, shortest_and_longest
 from attest.config import Conditioning, Configuration
 from attest.errors import ReadError
 from attest.recording import Note, Recording, Signal, seconds
@@ -49,8 +49,7 @@ def gyroscope(recording: Recording, config: Configuration) -> tuple[Signal, list
             f"{recording.path}: {len(t)} gyroscope samples between start and end; two are "
             f"needed. The log has {len(gyro.t)} over {(gyro.t[-1] - gyro.t[0]) * 1e-9:.1f} s."
         )
-    sane = largest(y) < FASTEST
-    wild = len(t) - int(np.count_nonzero(sane))
+    wild = len(t) - count_between(y, -1.0, FASTEST)
     if len(t) - wild < 2:
         raise ReadError(
             f"{recording.path}: the gyroscope reads over {FASTEST:g} rad/s. Check its unit."
@@ -58,11 +57,14 @@ def gyroscope(recording: Recording, config: Configuration) -> tuple[Signal, list
     if not wild:
         return Signal(t, y, gyro.source), []
     note = Note(f"gyroscope sample of over {FASTEST:g} rad/s left out", wild, doubt=True)
+    sane = largest(y) < FASTEST
     return Signal(t[sane], y[sane], gyro.source), [note]
 
 
 def _wanted(t: Stamps, config: Configuration) -> tuple[int, int]:
     """Return the first sample of the time that is asked for, and the first one behind it."""
+    if not config.input.start_s and config.input.end_s is None:
+        return 0, len(t)
     at = seconds(t, int(t[0]))
     end_s = np.inf if config.input.end_s is None else config.input.end_s
     first = np.searchsorted(at, config.input.start_s or 0.0)
@@ -93,20 +95,23 @@ def restarts(
     recording: Recording, t: Stamps, config: Conditioning
 ) -> tuple[NDArray[np.bool_], list[Note]]:
     """Mark the first step, and those after a reboot or a gap that is too long to bridge."""
-    h = np.diff(t)
-    gaps = h > config.restart_gap_s * SECOND
-    restart = np.concatenate([[True], gaps])
+    shortest, longest = shortest_and_longest(t)
+    restart, notes = np.zeros(len(t), np.bool_), []
+    restart[0] = True
+    if longest > config.restart_gap_s * SECOND:
+        restart[1:] = np.diff(t) > config.restart_gap_s * SECOND
+        text = f"gap of over {config.restart_gap_s:g} s: the observer starts anew after it"
+        notes.append(Note(text, int(restart[1:].sum()), doubt=True))
     reboots = np.searchsorted(t, np.array(recording.restarts, np.int64))
     restart[reboots[reboots < len(t)]] = True
-    notes = []
-    if gaps.any():
-        text = f"gap of over {config.restart_gap_s:g} s: the observer starts anew after it"
-        notes.append(Note(text, int(gaps.sum()), doubt=True))
-    bridged = (h > 5 * np.median(h)) & ~restart[1:]
-    if bridged.any():
-        longest = h[bridged].max() * 1e-9
-        text = f"gap in the gyroscope bridged by interpolation, the longest {longest:.2f} s"
-        notes.append(Note(text, int(bridged.sum())))
+    if longest <= 5 * shortest:  # the usual case, and no need to look further
+        return restart, notes
+    h = np.diff(t)
+    bridged = h[(h > 5 * np.median(h)) & ~restart[1:]]
+    if len(bridged):
+        widest = bridged.max() * 1e-9
+        text = f"gap in the gyroscope bridged by interpolation, the longest {widest:.2f} s"
+        notes.append(Note(text, len(bridged)))
     return restart, notes
 
 
@@ -114,9 +119,12 @@ def substeps_of(
     t: Stamps, restart: NDArray[np.bool_], max_step: float, what: str = "gyroscope"
 ) -> tuple[NDArray[np.int64], list[Note]]:
     """Divide each step so that no part is longer than the gains allow."""
+    part = max(1, round(max_step * SECOND))
+    if shortest_and_longest(t)[1] <= part:
+        return np.ones(len(t), np.int64), []
     h = np.diff(t, append=t[-1])
     most = max(50, min(MOST_SUBSTEPS[0], MOST_SUBSTEPS[1] // len(t)))
-    substeps = np.clip(-(-h // max(1, round(max_step * SECOND))), 1, most)
+    substeps = np.clip(-(-h // part), 1, most)
     substeps[:-1][restart[1:]] = 1  # nothing is stepped across a restart
     rate = 1e9 / np.median(h[:-1])
     if (substeps > 1).mean() < 0.5:

@@ -43,6 +43,22 @@ def dot(a: Vector, b: Vector) -> float:
 
 
 @kernel
+def flat(v: Vector, up: Array, i: int) -> Vector:
+    """Return what of a vector is across the unit vector of row i; all of it if there are none."""
+    if not len(up):
+        return v
+    e = row(up, i)
+    return sub(v, scale(dot(v, e), e))
+
+
+@kernel
+def unit_of(v: Vector) -> tuple[Vector, float]:
+    """Return the unit vector, zero for zero, and the length."""
+    length = sqrt(dot(v, v))
+    return scale(1.0 / length if length > 0.0 else 0.0, v), length
+
+
+@kernel
 def cross(a: Vector, b: Vector) -> Vector:
     """Cross product a x b = hat(a) b."""
     return (
@@ -124,7 +140,7 @@ def between(a: Quaternion, b: Quaternion, share: float) -> Quaternion:
 
     Closer than 4°, the chord is as good to 3e-6 rad, and quicker.
     """
-    if a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] > CLOSE:
+    if dot4(a, b) > CLOSE:
         c = 1.0 - share
         w, x = c * a[0] + share * b[0], c * a[1] + share * b[1]
         return normalize((w, x, c * a[2] + share * b[2], c * a[3] + share * b[3]))
@@ -143,6 +159,12 @@ def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
 
 
 @kernel
+def dot4(a: Quaternion, b: Quaternion) -> float:
+    """Inner product of quaternions."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
+
+
+@kernel
 def conjugate(q: Quaternion) -> Quaternion:
     """Inverse of a unit quaternion."""
     return (q[0], -q[1], -q[2], -q[3])
@@ -151,7 +173,14 @@ def conjugate(q: Quaternion) -> Quaternion:
 @kernel
 def normalize(q: Quaternion) -> Quaternion:
     """Scale to unit length."""
-    r = 1.0 / sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    r = 1.0 / sqrt(dot4(q, q))
+    return (r * q[0], r * q[1], r * q[2], r * q[3])
+
+
+@kernel
+def renormalize(q: Quaternion) -> Quaternion:
+    """Scale to unit length what is off by rounding only: a step of Newton's, without a root."""
+    r = 1.5 - 0.5 * dot4(q, q)
     return (r * q[0], r * q[1], r * q[2], r * q[3])
 
 
@@ -162,7 +191,7 @@ def integrate(h: Array, mean: Array, D: Array) -> None:
     for i in range(len(D)):
         D[i, 0], D[i, 1], D[i, 2], D[i, 3] = q
         if i + 1 < len(D):
-            q = normalize(multiply(q, exp(scale(h[i], row(mean, i)))))
+            q = renormalize(multiply(q, exp(scale(h[i], row(mean, i)))))
 
 
 @kernel

@@ -60,8 +60,15 @@ def whole_steps(samples: Samples, part: slice) -> Array:
 
 def steps(samples: Samples, part: slice) -> Array:
     """Return how long each sub-step of a stretch takes, s, shape (n,); the last step is zero."""
-    divided: Array = whole_steps(samples, part) / samples.substeps[part]
-    return divided
+    h = np.empty(part.stop - part.start)
+    _divide(samples.t[part], samples.substeps[part], h)
+    return h
+
+
+@kernel
+def _divide(t: NDArray[np.int64], substeps: NDArray[np.int64], h: Array) -> None:
+    for i in range(len(t)):
+        h[i] = 1e-9 * (t[i + 1] - t[i]) / substeps[i] if i + 1 < len(t) else 0.0
 
 
 def known_vectors(samples: Samples, part: slice) -> Array:
@@ -233,12 +240,18 @@ def estimates(
     """
     for part in segments(samples):
         refuse_divergence(name, samples.t[part], out[part])
+    none, Omega, beta = np.empty((0, 3)), np.empty((len(out), 3)), np.empty((0, 3))
+    rate = none if samples.rate is None else samples.rate
+    off = samples.bias if bias and samples.bias is not None else none
+    if len(off):
+        beta = np.empty((len(out), 3))
+    _finish(out, samples.gyro, rate, off, Omega, beta)
     return Estimates(
         observer=name,
         t=samples.t,
-        q=quaternion.continuous(out[:, 0:4]),
-        angular_velocity=out[:, 4:7] + _after_step(samples),
-        gyro_bias=_whole_bias(samples, out[:, 7:10] if bias else None),
+        q=out[:, 0:4],
+        angular_velocity=Omega,
+        gyro_bias=(beta if len(off) else out[:, 7:10]) if bias else None,
         s_norm=out[:, 10],
         cost=out[:, 11],
         updated=samples.valid,
@@ -246,14 +259,31 @@ def estimates(
     )
 
 
-def _after_step(samples: Samples) -> Array | float:
-    """Return what the rate at a stamp is more than that over the step from it."""
-    return 0.0 if samples.rate is None else samples.rate - samples.gyro
+@kernel
+def _finish(out: Array, gyro: Array, rate: Array, off: Array, Omega: Array, beta: Array) -> None:
+    """Make the quaternions' signs continuous, and fill the rate at the stamps and the whole bias.
 
-
-def _whole_bias(samples: Samples, bias: Array | None) -> Array | None:
-    """Return the observer's bias with what conditioning took off."""
-    if samples.bias is None or bias is None:
-        return bias
-    whole: Array = bias + samples.bias
-    return whole
+    Parameters
+    ----------
+    out
+        What `record` left.
+    gyro, rate
+        Rate over the step from each stamp and at the stamp, (n, 3); no row of the latter where they
+        are the same.
+    off
+        Bias that conditioning took off, (n, 3); no row where none is asked for or taken.
+    """
+    sign, before = 1.0, so3.row4(out, 0)
+    for i in range(len(out)):
+        q = so3.row4(out, i)
+        if so3.dot4(q, before) < 0.0:
+            sign = -sign
+        before = q
+        for j in range(4):
+            out[i, j] = sign * q[j]
+        for j in range(3):
+            Omega[i, j] = out[i, 4 + j]
+            if len(rate):
+                Omega[i, j] += rate[i, j] - gyro[i, j]
+            if len(off):
+                beta[i, j] = out[i, 7 + j] + off[i, j]

@@ -124,7 +124,7 @@ def _turned(samples: Samples, found: Estimates) -> list[Note]:
     so3.integrate(np.append(h[1:], 0.0), mean, D)
     unit = field / np.maximum(flat, LEVEL)[:, np.newaxis]
     valid, aided = samples.valid[:, j] & (flat > LEVEL), len(samples.inertial) > 1
-    return turned(h, D, unit, valid, samples.restart, aided=aided)
+    return turned(h, D, (unit, np.empty((0, 3))), valid, samples.restart, aided=aided)
 
 
 def _steps(samples: Samples) -> Array:

@@ -16,12 +16,14 @@ WINDOW = 5.0
 """Over which a field's direction is averaged to be compared with the next, s."""
 SUDDEN = radians(20.0)
 """By which it may turn against the gyroscope, rad, for iron in the body."""
+LEVEL = 0.05
+"""Least part of a vector that is taken across another that has a direction."""
 
 
 def turned(
     h: Array,
     D: Array,
-    unit: Array,
+    vectors: tuple[Array, Array],
     valid: Mask,
     restart: Mask,
     *,
@@ -32,11 +34,11 @@ def turned(
 
     Where the log's velocity aids the accelerometer, what it should measure turns with heading.
     """
-    angles = turns(h, D, unit, valid, restart, WINDOW)
-    sudden = np.flatnonzero(angles > most)
+    ends, angles = turns(h, D, vectors, valid, restart, WINDOW)
+    sudden = np.flatnonzero(angles > (most if isinstance(most, float) else most[ends]))
     if not len(sudden):
         return []
-    at, angle = np.cumsum(h)[sudden[0]], np.rad2deg(angles[sudden].max())
+    at, angle = h[: ends[sudden[0]] + 1].sum(), np.rad2deg(angles[sudden].max())
     text = (
         f"the field turns against the gyroscope, by up to {angle:.0f}° from one {WINDOW:g} s to "
         f"the next, first at {at:.0f} s: disturbed, stuck or late; heading is doubtful since"
@@ -45,9 +47,15 @@ def turned(
     return [Note(text + tilt, len(sudden), doubt=True)]
 
 
-@kernel
-def turns(h: Array, D: Array, unit: Array, valid: Mask, restart: Mask, window: float) -> Array:
-    """Return the angles between a direction's means over one window and the next, in the frame.
+def turns(
+    h: Array,
+    D: Array,
+    vectors: tuple[Array, Array],
+    valid: Mask,
+    restart: Mask,
+    window: float,
+) -> tuple[NDArray[np.intp], Array]:
+    """Return where windows end, and the angles of a direction's mean to the one before, rad.
 
     Parameters
     ----------
@@ -55,17 +63,33 @@ def turns(h: Array, D: Array, unit: Array, valid: Mask, restart: Mask, window: f
         Time from the sample before, s.
     D : shape (n, 4)
         Frame of the gyroscope, body to frame.
-    unit, valid : shape (n, 3) and (n,)
-        Unit vectors in the body, and where they are measured.
+    vectors : shape (n, 3) and (n, 3) or (0, 3)
+        Unit vectors in the body, and those across which they are taken.
+    valid : shape (n,)
+        Where they are measured.
     window
         Length of a window, s; one that is measured in less than half of it has no mean.
-
-    Returns
-    -------
-    angles : shape (n,)
-        At the end of each window, rad; zero elsewhere.
     """
-    angles = np.zeros(len(unit))
+    most = min(len(h), 1 + int(h.sum() / window))
+    ends, angles = np.empty(most, np.intp), np.empty(most)
+    found = _turns(h, D, vectors, valid, restart, window, ends, angles)
+    return ends[:found], angles[:found]
+
+
+@kernel
+def _turns(
+    h: Array,
+    D: Array,
+    vectors: tuple[Array, Array],
+    valid: Mask,
+    restart: Mask,
+    window: float,
+    ends: NDArray[np.intp],
+    angles: Array,
+) -> int:
+    """Fill the ends of windows and the angles there; return how many."""
+    unit, up = vectors
+    found = 0
     before = total = (0.0, 0.0, 0.0)
     time = seen = 0.0
     for i in range(len(unit)):
@@ -73,15 +97,18 @@ def turns(h: Array, D: Array, unit: Array, valid: Mask, restart: Mask, window: f
             before = total = (0.0, 0.0, 0.0)
             time = seen = 0.0
         time += h[i]
-        if valid[i]:
+        v, size = so3.unit_of(so3.flat(so3.row(unit, i), up, i))
+        if valid[i] and size > LEVEL:
             seen += h[i]
             R = so3.matrix(so3.row4(D, i))
-            total = so3.add(total, so3.scale(h[i], mat3.apply(R, so3.row(unit, i))))
+            total = so3.add(total, so3.scale(h[i], mat3.apply(R, v)))
         if time >= window:
             across = so3.cross(before, total)
             if seen > 0.5 * window and so3.dot(before, before) > 0.0:
-                angles[i] = atan2(sqrt(so3.dot(across, across)), so3.dot(before, total))
+                ends[found] = i
+                angles[found] = atan2(sqrt(so3.dot(across, across)), so3.dot(before, total))
+                found += 1
             before = total if seen > 0.5 * window else (0.0, 0.0, 0.0)
             total = (0.0, 0.0, 0.0)
             time = seen = 0.0
-    return angles
+    return found

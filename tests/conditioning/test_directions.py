@@ -9,6 +9,7 @@ from attest.geometry import quaternion
 T = stamps(100.0, 60.0)
 H = np.concatenate([[0.0], np.diff(T) * 1e-9])
 NO = np.arange(len(T)) == 0
+NONE = np.empty((0, 3))
 D = frame.integrate(T, rate(tumbling, at(T) + 0.005))
 STILL = np.tile([1.0, 0.0, 0.0, 0.0], (len(T), 1))
 
@@ -18,7 +19,12 @@ def low_passed(y, tau=3.0, weight=None, restart=NO, D=D):
     weight = np.ones(len(y)) if weight is None else weight
     length = np.linalg.norm(y, axis=1)
     unit = y / np.maximum(length, 1e-30)[:, np.newaxis]
-    directions.low_pass(H, D, unit, length, weight, restart, np.full(len(y), tau), out)
+    vectors, tau, valid = (
+        (unit, length, np.empty((0, 3))),
+        np.full(len(y), tau),
+        np.ones(len(y), bool),
+    )
+    directions.low_pass(H, D, vectors, weight, restart, tau, out, valid)
     return out
 
 
@@ -30,7 +36,10 @@ def direction(y):
 def believed(along, across, scale=0.1, valid=None, restart=NO, moving=0.0):
     out, gyro = np.empty(len(T)), np.full((len(T), 3), moving)
     valid = np.ones(len(T), bool) if valid is None else valid
-    directions.belief(H, np.array(along), np.array(across), gyro, valid, restart, scale, out)
+    y = np.stack([np.zeros(len(T)), across, along], axis=1)
+    up = np.tile([0.0, 0.0, 1.0], (len(T), 1))
+    field = (direction(y), np.linalg.norm(y, axis=1), up)
+    directions.belief(H, field, gyro, valid, restart, scale, out)
     return out
 
 
@@ -138,10 +147,7 @@ def test_memory_that_grows_starts_from_what_there_is():
     y = body(tumbling, at(T), FIELD)
     drifting = frame.integrate(T, rate(tumbling, at(T) + 0.005) + np.array([0.0, 0.0, 0.0873]))
     tau = np.where(at(T) < 10.0, 0.3, 9.0)
-    out = np.empty_like(y)
-    length = np.linalg.norm(y, axis=1)
-    ones = np.ones(len(y))
-    directions.low_pass(H, drifting, y / length[:, np.newaxis], length, ones, NO, tau, out)
+    out = low_passed(y, tau, D=drifting)
     off = np.rad2deg(np.arccos(np.clip(np.sum(out * direction(y), axis=1), -1.0, 1.0)))
     assert off[:1000].max() < 2.0
     assert off[1000:1030].max() < 2.0

@@ -10,6 +10,7 @@ H = np.concatenate([[0.0], np.diff(T) * 1e-9])
 TRUE = rate(tumbling, at(T) - 0.005)
 ACCEL = body(tumbling, at(T), [0.0, 0.0, -9.8])
 MAG = body(tumbling, at(T), FIELD)
+NONE = np.empty((0, 3))
 NO, YES = np.zeros(len(T), bool), np.ones(len(T), bool)
 FIRST = np.arange(len(T)) == 0
 S = 1e-3 * np.array([[3.0, -2.0, 1.0], [2.5, -4.0, 0.5], [-1.0, 2.0, 3.5]])
@@ -26,8 +27,8 @@ def known(bias=0.01, scale=0.004):
 
 
 def follow(gyro, *still, rest=NO, restart=FIRST, start=None):
-    y = np.stack(still or (ACCEL,), axis=1)
-    return drift.follow(H, gyro, y, rest, restart, known() if start is None else start)
+    force, field = (*(still or (ACCEL,)), NONE)[:2]
+    return drift.follow(H, gyro, force, field, rest, restart, known() if start is None else start)
 
 
 def test_bias_scale_and_misalignment_show_in_the_drift_of_gravity():
@@ -91,7 +92,7 @@ def body_of(vectors):
 
 
 def test_what_is_not_gravity_is_not_compared():
-    found = drift.follow(H, measured(), np.empty((len(T), 0, 3)), NO, FIRST, known()).known
+    found = drift.follow(H, measured(), NONE, NONE, NO, FIRST, known()).known
     assert_allclose(found[0], 0.0, atol=0)
 
 
