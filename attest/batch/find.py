@@ -4,7 +4,7 @@ import glob
 import hashlib
 import os
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -69,7 +69,7 @@ def find(named: Sequence[str], output: Path, csv: Csv | None = None) -> Found:
     if not paths:
         raise ReadError(f"{', '.join(named[:3])}: no log here. Name a log, or a folder with logs.")
     paths = list(dict.fromkeys(paths))
-    folders = _folders(paths, _common(roots))
+    folders = _folders(paths, common(roots))
     logs = [_log(path, folder) for path, folder in zip(paths, folders, strict=True)]
     return Found(tuple(sorted(logs, key=lambda log: (-log.size, log.path))), walk.left_out)
 
@@ -146,8 +146,8 @@ def _fixed(pattern: str) -> Path:
     return Path(*parts[:first])
 
 
-def _common(roots: set[str]) -> str | None:
-    """Return the deepest folder that all of them are in; None of several drives."""
+def common(roots: Collection[str]) -> str | None:
+    """Return the deepest folder that all of them are in; None of none, or several drives."""
     try:
         return os.path.commonpath(roots)
     except ValueError:

@@ -73,11 +73,14 @@ class Journal:
         place = self._places.get(_key({"path": path, "observer": observer}))
         return None if place is None else self._at(place)
 
-    def keys(self) -> Iterator[tuple[str, str, int]]:
-        """Yield path, observer and place of the last row of each."""
+    def rows(self) -> Iterator[Row]:
+        """Yield the last row of each log and observer, in their order."""
+        keys = []
         for place in self._places.values():
             row = self._at(place)
-            yield row["path"], row["observer"], place
+            keys.append((row["path"], row["observer"], place))
+        for _, _, place in sorted(keys):
+            yield self._at(place)
 
     def _at(self, place: int) -> Row:
         self._in.seek(place)
