@@ -4,7 +4,7 @@ import glob
 import hashlib
 import os
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -103,7 +103,7 @@ class _Walk:
             for entry in self._entries(here):
                 if entry.name.startswith("."):
                     continue
-                if not entry.is_dir():
+                if not _holds(entry.is_dir):
                     yield from self._file(entry)
                 elif entry.is_symlink():
                     self.left_out += 1
@@ -122,10 +122,19 @@ class _Walk:
 
     def _file(self, entry: os.DirEntry[str]) -> Iterator[str]:
         path = Path(entry.path)
-        if entry.is_file() and (path.suffix.lower() in SUFFIXES or readers.is_log(path, self._csv)):
+        named = path.suffix.lower() in SUFFIXES
+        if _holds(entry.is_file) and (named or readers.is_log(path, self._csv)):
             yield entry.path
         else:
             self.left_out += 1
+
+
+def _holds(question: Callable[[], bool]) -> bool:
+    """Ask the system about a file; a link that leads to itself is nothing."""
+    try:
+        return question()
+    except OSError:
+        return False
 
 
 def _listed(folder: str) -> list[os.DirEntry[str]]:
