@@ -60,7 +60,7 @@ def _write(journal: Journal, table: Path, parquet: Path) -> None:
         table.open("w", encoding="utf-8", newline="") as file,
         pyarrow.parquet.ParquetWriter(parquet, schema, compression="zstd") as writer,
     ):
-        cells = csv.writer(file, lineterminator="\n")
+        cells = csv.writer(file)  # its line ends, of RFC 4180, make it quote a lone \r too
         cells.writerow(COLUMNS)
         for some in _some(rows):
             cells.writerows(map(_cells, some))

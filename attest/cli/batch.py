@@ -138,6 +138,12 @@ def run_batch(paths: tuple[str, ...], plan: "Plan", *, quiet: bool, as_json: boo
                 advance()
                 _tell(row, before=before, as_json=as_json)
         written = batches.write_results(journal, plan.output)
+    if journal.damaged:
+        click.echo(
+            f"attest: {journal.path}: {journal.damaged} lines cannot be read: their logs were done "
+            "again.",
+            err=True,
+        )
     if not (quiet or as_json):
         click.echo(_text(found, counts, written))
     failed = expected - counts["ok"]

@@ -210,3 +210,27 @@ def test_two_batches_in_one_output_are_refused(tmp_path):
         batch.Journal(tmp_path),
     ):
         pass
+
+
+@pytest.fixture
+def tiny(tmp_path):
+    """Give a file system that a single MCAP fills."""
+    folder = tmp_path / "tiny"
+    folder.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=48k", "tmpfs", str(folder)]
+    if sys.platform != "linux" or os.geteuid() != 0:
+        pytest.skip("only root mounts")
+    if subprocess.run(mount, check=False, capture_output=True).returncode != 0:
+        pytest.skip("not allowed to mount here")
+    yield folder
+    subprocess.run(["umount", str(folder)], check=True)  # noqa: S607
+
+
+def test_full_disk_is_a_row_and_is_tried_again(sample_logs, tiny, tmp_path):
+    logs = [short(sample_logs, tmp_path / f"{name}.csv") for name in "ab"]
+    rows = run(logs, plan(tiny, kinds=("mcap",), jobs=1))
+    assert {row["status"] for row, _ in rows} == {"failed"}
+    assert all("No space left on device. Free some space" in row["error"] for row, _ in rows)
+    subprocess.run(["mount", "-o", "remount,size=9m", str(tiny)], check=True)  # noqa: S607
+    again = run(logs, plan(tiny, kinds=("mcap",), jobs=1))
+    assert {(row["status"], before) for row, before in again} == {("ok", False)}
