@@ -69,7 +69,7 @@ def short(sample_logs, path):
 def main() -> None:
     """Run the folder of the first argument into that of the second, a line for each row."""
     source, output = map(Path, sys.argv[1:3])
-    made = plan(output, limits=batch.Limits(timeout_s=0.5))
+    made = plan(output, limits=batch.Limits(timeout_s=2.0))
     logs = batch.find([str(source)], output).logs
     with batch.Journal(output) as journal:
         for row, before in batch.run(logs, made, journal):

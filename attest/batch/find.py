@@ -67,7 +67,11 @@ def find(named: Sequence[str], output: Path, csv: Csv | None = None) -> Found:
         paths += inside
         roots.add(root)
     if not paths:
-        raise ReadError(f"{', '.join(named[:3])}: no log here. Name a log, or a folder with logs.")
+        what = "no log"
+        if csv is not None and csv.maps:
+            what += ", and no CSV with the columns of input.csv,"
+        where = ", ".join(named[:3])
+        raise ReadError(f"{where}: {what} in this folder. Name a log, or a folder with logs.")
     paths = list(dict.fromkeys(paths))
     folders = _folders(paths, common(roots))
     logs = [_log(path, folder) for path, folder in zip(paths, folders, strict=True)]
@@ -193,9 +197,7 @@ def _folders(paths: Sequence[str], base: str | None) -> list[str]:
     names = [a if shared[a.casefold()] == 1 else b for a, b in zip(short, long, strict=True)]
     taken = Counter(name.casefold() for name in names)
     return [
-        name
-        if taken[name.casefold()] == 1 and name.casefold() not in OWN
-        else f"{name}-{_digest(path)}"
+        name if taken[name.casefold()] == 1 and name.casefold() not in OWN else marked(name, path)
         for name, path in zip(names, paths, strict=True)
     ]
 
@@ -207,5 +209,6 @@ def _below(path: str, base: str | None, *, short: bool) -> str:
     return str(Path(os.path.relpath(Path(path).parent, base), name))
 
 
-def _digest(path: str) -> str:
-    return hashlib.sha256(os.fsencode(path)).hexdigest()[:8]
+def marked(folder: str, path: str) -> str:
+    """Return a folder that no other log's results are in."""
+    return f"{folder}-{hashlib.sha256(os.fsencode(path)).hexdigest()[:8]}"

@@ -8,9 +8,11 @@ from typing import Any
 
 from attest import config, observers, pipeline, report
 from attest.batch import rows
+from attest.batch.find import marked
 from attest.batch.rows import Row
 from attest.config import Configuration
 from attest.errors import AttestError, ReadError
+from attest.writers.folders import owners
 
 OUT_OF_MEMORY = "not enough memory for this log. Raise --memory, lower --jobs, or cut the log."
 
@@ -63,9 +65,20 @@ def _finished(task: Task, label: str, opened: "_Opened", document: Mapping[str, 
     configuration = config.validate(model, document, label)
     result = pipeline.observe(opened.by(configuration), configuration, label=label)
     began = perf_counter()
-    written = pipeline.write([result], Path(task.output, task.folder), kinds=task.kinds)
+    folder = _own(task)
+    written = pipeline.write([result], Path(task.output, folder), kinds=task.kinds)
     took = perf_counter() - began
-    return rows.finished(task, label, result.summary, [path.name for path in written], took)
+    names = [path.name for path in written]
+    return rows.finished(task, label, result.summary, names, took) | {"folder": folder}
+
+
+def _own(task: Task) -> str:
+    """Return the folder of the log's results, or another where an earlier call left a log's there.
+
+    That log may well have had the same path below another folder.
+    """
+    others = owners(Path(task.output, task.folder)) - {str(Path(task.log).resolve())}
+    return marked(task.folder, task.log) if others else task.folder
 
 
 class _Opened:

@@ -94,7 +94,7 @@ def test_output_is_not_looked_into(tmp_path):
 
 
 def test_nothing_and_an_empty_name_are_refused(tmp_path):
-    with pytest.raises(ReadError, match="no log here"):
+    with pytest.raises(ReadError, match="no log in this folder"):
         find([str(tmp_path)], OUT)
     with pytest.raises(ConfigError, match="empty name"):
         find([""], OUT)

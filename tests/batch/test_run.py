@@ -24,7 +24,7 @@ from attest.errors import ConfigError
 DRIVER = Path(__file__).parents[1] / "unkind.py"
 PLEASANT = 4
 THREATS = ("hang", "exit", "segv", "fault", *(("greedy",) if sys.platform == "linux" else ()))
-LIMITS = batch.Limits(timeout_s=1.0, memory_gb=2.0)
+LIMITS = batch.Limits(timeout_s=2.0, memory_gb=2.0)
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +79,7 @@ def test_every_log_is_one_row_with_its_status(whole):
 def test_errors_say_what_happened(whole):
     _, rows = whole
     errors = {Path(row["path"]).stem: row["error"] for row in rows}
-    assert errors["hang"] == "not done in 1 s. Raise --timeout, or cut the log."
+    assert errors["hang"] == "not done in 2 s. Raise --timeout, or cut the log."
     assert "exit code 3" in errors["exit"]
     assert "SIGSEGV" in errors["segv"]
     assert "a fault of attest" in errors["fault"]
@@ -178,7 +178,7 @@ def test_what_ran_into_a_limit_is_done_again_with_more(whole, flights):
     hung = next(row for row in rows if row["status"] == "timeout")
     log = next(log for log in batch.find([str(flights)], output).logs if log.path == hung["path"])
     wanted = resume.Wanted(output=output, digests={"cgo": hung["digest"]}, kinds=(), limits=LIMITS)
-    more = replace(wanted, limits=batch.Limits(timeout_s=2.0))
+    more = replace(wanted, limits=batch.Limits(timeout_s=4.0))
     with batch.Journal(output) as journal:
         assert resume.still_good(journal, log, "cgo", wanted) == hung
         assert resume.still_good(journal, log, "cgo", more) is None
@@ -210,6 +210,16 @@ def test_two_batches_in_one_output_are_refused(tmp_path):
         batch.Journal(tmp_path),
     ):
         pass
+
+
+def test_another_call_never_overwrites_logs_of_the_same_name(sample_logs, tmp_path):
+    out = tmp_path / "out"
+    for day in ("mon", "tue"):
+        short(sample_logs, tmp_path / day / "x.csv")
+        ((row, _),) = run([tmp_path / day], plan(out, jobs=1))
+        assert (out / row["folder"] / "cgo.json").is_file()
+    assert len(list(out.glob("*/cgo.json"))) == 2
+    assert all(before for day in ("mon", "tue") for _, before in run([tmp_path / day], plan(out)))
 
 
 @pytest.fixture
