@@ -94,7 +94,7 @@ class _Walk:
             inside = [path for one in found for path in self.below(one)[1]]
             return str(_absolute(_fixed(name))), inside
         path = _absolute(Path(name))
-        if not path.is_dir() or readers.is_log(path):
+        if not _holds(path.is_dir) or readers.is_log(path):
             return str(path.parent), [str(path)]
         return str(path), list(self._logs(str(path)))
 

@@ -105,9 +105,12 @@ class _Opened:
 
 def _digest(log: Path) -> str:
     """Return the digest of a log; reading what is no file might never end."""
-    if not (log.is_file() or log.is_dir()):
-        what = "not a regular file" if log.exists() else "no such file"
-        raise ReadError(f"{log}: {what}. Check the path.")
+    try:
+        fits, exists = log.is_file() or log.is_dir(), log.exists()
+    except OSError as error:
+        raise ReadError(f"{log}: {error.strerror}. Check the path.") from error
+    if not fits:
+        raise ReadError(f"{log}: {'not a regular' if exists else 'no such'} file. Check the path.")
     return report.sha256(log)
 
 

@@ -8,6 +8,7 @@ import threading
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from contextlib import suppress
 from multiprocessing import parent_process
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -41,6 +42,11 @@ def work(connection: Connection, settings: Settings) -> None:
         prepare()
     if settings.memory_gb is not None:
         _bound(settings.memory_gb)
+    with suppress(EOFError, BrokenPipeError, ConnectionResetError):  # the parent is gone
+        _serve(connection)
+
+
+def _serve(connection: Connection) -> None:
     connection.send("ready")
     broken = False  # what a refusal of memory leaves is in pieces: then begin anew
     while not broken:
