@@ -2,8 +2,9 @@
 
 import os
 import tempfile
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -38,14 +39,27 @@ def _takes_files(folder: Path) -> bool:
         return False
 
 
-def write_flight(folder: Path) -> Path:
-    """Write a simulated flight to compile the kernels with."""
-    path = folder / "flight.csv"
-    simulation.write(path, simulation.simulate(SCENARIO))
-    return path
+@contextmanager
+def compilation(
+    documents: Mapping[str, Mapping[str, Any]], kinds: tuple[str, ...]
+) -> Iterator[Callable[[], None]]:
+    """Give what compiles all kernels of the observers; nothing where there is no room for that."""
+    with ExitStack() as stack:
+        try:
+            folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="attest-"))
+            flight = Path(folder, "flight.csv")
+            simulation.write(flight, simulation.simulate(SCENARIO))
+        except (OSError, AttestError):
+            yield _nothing
+        else:
+            yield partial(_compile, flight, documents, kinds)
 
 
-def compile_over(
+def _nothing() -> None:
+    """Compile when the first log asks for it."""
+
+
+def _compile(
     flight: Path, documents: Mapping[str, Mapping[str, Any]], kinds: tuple[str, ...]
 ) -> None:
     """Run every observer over the flight, and write what it leaves behind beside it.
@@ -55,7 +69,7 @@ def compile_over(
     for label, document in documents.items():
         model = observers.get(str(document["observer"])).config
         usual = {"input": config.Input(), "evaluation": config.Evaluation()}
-        with suppress(AttestError):  # it needs what this flight has not; its logs will tell
+        with suppress(Exception):  # it needs what this flight has not; its logs will tell
             configuration = config.validate(model, document, label).model_copy(update=usual)
             result = pipeline.run(flight, configuration)
             pipeline.write([result], flight.parent / str(os.getpid()), kinds=kinds)

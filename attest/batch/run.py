@@ -1,10 +1,8 @@
 """A batch: what is done already is left, the rest is run, and each end is written down."""
 
 import os
-import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 
 from attest import config
@@ -91,15 +89,11 @@ def _run(
         )
         for log, labels in missing
     )
-    with tempfile.TemporaryDirectory(prefix="attest-") as folder:
-        flight = kernels.write_flight(Path(folder))
+    with kernels.compilation(documents, plan.kinds) as compile_first:
         settings = Settings(
             kernels=kernels.cache_folder(plan.output),
             memory_gb=plan.limits.memory_gb,
-            prepare=(
-                partial(kernels.compile_over, flight, documents, plan.kinds),
-                *plan.prepare,
-            ),
+            prepare=(compile_first, *plan.prepare),
         )
         jobs = min(plan.jobs or os.cpu_count() or 1, len(missing))
         yield from pool.run(tasks, jobs, settings, plan.limits)

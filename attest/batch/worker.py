@@ -7,8 +7,8 @@ import sys
 import threading
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
 from contextlib import suppress
+from dataclasses import dataclass
 from multiprocessing import parent_process
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -74,13 +74,12 @@ def _follow(parent_ends: Callable[[], object]) -> None:
 
 
 def _bound(memory_gb: float) -> None:
-    """Let the system refuse more memory than this beside what is taken now."""
-    if sys.platform != "win32":
+    """Let the system refuse more memory than this beside what is taken now; only Linux does."""
+    if sys.platform == "linux":
         import resource
 
-        now = 0
-        if sys.platform == "linux":
-            pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
-            now = pages * resource.getpagesize()
-        most = now + int(memory_gb * GB)
-        resource.setrlimit(resource.RLIMIT_AS, (most, most))
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+        most = pages * resource.getpagesize() + int(memory_gb * GB)
+        _, hard = resource.getrlimit(resource.RLIMIT_AS)
+        soft = most if hard == resource.RLIM_INFINITY else min(most, hard)
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
