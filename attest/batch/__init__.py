@@ -10,7 +10,7 @@ from pathlib import Path
 
 from attest.batch.find import Found, Log, find, names_in
 from attest.batch.journal import Journal
-from attest.batch.page import write_page
+from attest.batch.page import Seen, write_page
 from attest.batch.resume import Limits
 from attest.batch.run import Plan, run
 from attest.batch.summary import write_summary
@@ -26,4 +26,6 @@ def write_results(journal: Journal, folder: Path) -> list[Path]:
     WriteError
         The system refuses to write.
     """
-    return [*write_summary(journal, folder), write_page(journal, folder)]
+    seen = Seen()
+    tables = write_summary(seen.watched(journal.rows()), folder)
+    return [*tables, write_page(seen, folder)]

@@ -1,4 +1,4 @@
-"""The rows of a journal as one page that needs nothing else: counts, distributions, worst first.
+"""The rows of a batch as one page that needs nothing else: counts, distributions, worst first.
 
 What comes from a log or its name is escaped, and the page may not load anything.
 """
@@ -14,7 +14,6 @@ from urllib.parse import quote
 
 from attest.batch.find import common
 from attest.batch.histogram import histogram
-from attest.batch.journal import Journal
 from attest.batch.rows import Row
 from attest.batch.summary import flat
 from attest.files import replacing
@@ -73,25 +72,30 @@ POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inli
 
 
 @dataclass(slots=True)
-class _Seen:
-    """What is counted while the rows go by."""
+class Seen:
+    """What a page tells of rows, gathered while they go by."""
 
     statuses: Counter[str] = field(default_factory=Counter)
     errors: dict[tuple[str, str], list[float]] = field(default_factory=dict)
     """Of each observer, each error's RMSE."""
+    worst: list[Row] = field(default_factory=list)
+    """More than are shown, at the most twice as many."""
 
     def watched(self, rows: Iterator[Row]) -> Iterator[Row]:
-        """Yield the rows as they are, and count them."""
+        """Yield the rows as they are, and gather."""
         for row in rows:
             self.statuses[row["status"]] += 1
             for error in ERRORS:
                 value = row.get(f"{error}_rmse_deg")
                 if value is not None:
                     self.errors.setdefault((row["observer"], error), []).append(value)
+            self.worst.append(row)
+            if len(self.worst) == 2 * MOST:
+                self.worst = nsmallest(MOST, self.worst, key=_best_last)
             yield row
 
 
-def write_page(journal: Journal, folder: Path) -> Path:
+def write_page(seen: Seen, folder: Path) -> Path:
     """Write ``index.html``.
 
     Raises
@@ -101,13 +105,12 @@ def write_page(journal: Journal, folder: Path) -> Path:
     """
     path = folder / "index.html"
     with replacing(path) as part, part.open("w", encoding="utf-8") as file:
-        file.writelines(_page(journal))
+        file.writelines(_page(seen))
     return path
 
 
-def _page(journal: Journal) -> Iterator[str]:
-    seen = _Seen()
-    worst = nsmallest(MOST, seen.watched(journal.rows()), key=_best_last)
+def _page(seen: Seen) -> Iterator[str]:
+    worst = nsmallest(MOST, seen.worst, key=_best_last)
     total = sum(seen.statuses.values())
     counts = ", ".join(f"{n:,} {escape(status)}" for status, n in sorted(seen.statuses.items()))
     yield (

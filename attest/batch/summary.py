@@ -1,4 +1,4 @@
-"""The rows of a journal as tables, in the order of path and observer, whatever the journal's."""
+"""The rows of a batch as tables."""
 
 import csv
 from collections.abc import Iterator, Mapping
@@ -6,7 +6,6 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from attest.batch.journal import Journal
 from attest.batch.rows import COLUMNS, Row
 from attest.files import refused, replacing
 
@@ -19,8 +18,8 @@ FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """What makes a spreadsheet take a text for a formula."""
 
 
-def write_summary(journal: Journal, folder: Path) -> tuple[Path, Path]:
-    """Write ``summary.csv`` and ``summary.parquet``, a row for each log and observer.
+def write_summary(rows: Iterator[Row], folder: Path) -> tuple[Path, Path]:
+    """Write ``summary.csv`` and ``summary.parquet``, in the order of the rows that are given.
 
     Raises
     ------
@@ -30,7 +29,7 @@ def write_summary(journal: Journal, folder: Path) -> tuple[Path, Path]:
     table, parquet = folder / "summary.csv", folder / "summary.parquet"
     with replacing(table) as one, replacing(parquet) as other:
         try:
-            _write(journal, one, other)
+            _write(map(flat, rows), one, other)
         except OSError as error:
             raise refused(table, error) from error
     return table, parquet
@@ -50,12 +49,11 @@ def _plain(value: object) -> object:
     return value
 
 
-def _write(journal: Journal, table: Path, parquet: Path) -> None:
+def _write(rows: Iterator[dict[str, Any]], table: Path, parquet: Path) -> None:
     import pyarrow
     import pyarrow.parquet
 
     schema = _schema(pyarrow)
-    rows = map(flat, journal.rows())
     with (
         table.open("w", encoding="utf-8", newline="") as file,
         pyarrow.parquet.ParquetWriter(parquet, schema, compression="zstd") as writer,
