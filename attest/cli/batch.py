@@ -14,6 +14,7 @@ from attest.cli.labels import labelled
 from attest.cli.options import (
     assignments_option,
     chosen,
+    finite,
     json_option,
     log_options,
     output_option,
@@ -41,12 +42,14 @@ OPTIONS: dict[str, dict[str, Any]] = {
     },
     "--timeout": {
         "default": 3600.0,
-        "type": click.FloatRange(min=0.0),
+        "type": click.FloatRange(0.0, 1e6),
+        "callback": finite,
         "metavar": "S",
         "help": "Give a log up after so long; 0: never.",
     },
     "--memory": {
-        "type": click.FloatRange(min=0.0, min_open=True),
+        "type": click.FloatRange(0.0, 1e6, min_open=True),
+        "callback": finite,
         "metavar": "GB",
         "help": "Give a log up that takes more, beside the program itself.  [default: no bound]",
     },

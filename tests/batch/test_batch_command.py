@@ -56,6 +56,7 @@ def test_json_is_a_row_a_line_also_of_what_was_done_before(done, flights):
     }
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="names that Windows has not")
 def test_list_file_names_what_is_gone(flights, tmp_path):
     listed = tmp_path / "logs.txt"
     listed.write_bytes(b"%s\0%s\0" % (bytes(flights / "good one.csv"), b"/gone\nwith it.tlog"))
@@ -74,6 +75,7 @@ def test_list_file_names_what_is_gone(flights, tmp_path):
         (("", "-q"), 2, "an empty name for a log"),
         (("x", "-o", "ftss"), 2, "unknown observer 'ftss'. Did you mean"),
         (("x", "--jobs", "-1"), 2, "--jobs"),
+        (("x", "--timeout", "nan"), 2, "nan is no number"),
     ],
 )
 def test_wrong_usage_is_one_line(tmp_path, arguments, code, words):

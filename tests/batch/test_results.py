@@ -2,6 +2,7 @@
 
 import csv
 import re
+import sys
 from html.parser import HTMLParser
 
 import pyarrow.parquet
@@ -59,6 +60,7 @@ def test_name_that_a_spreadsheet_would_run_is_text(written, name):
     assert pyarrow.parquet.read_table(folder / "summary.parquet").to_pylist()[0]["path"] == name
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="names are text there")
 def test_names_that_are_not_utf8_are_spelt_out(written):
     folder = written(row("/l/\udcff\n\u2603.tlog"))
     assert "/l/\\udcff\n☃.tlog" in (folder / "summary.csv").read_text(encoding="utf-8")
