@@ -5,7 +5,9 @@ task at a time, so that it is known which one ended it, and is then replaced.
 """
 
 import signal
+import sys
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
@@ -103,7 +105,8 @@ class _Pool:
         context = get_context("spawn")  # fork would copy locks of the threads of libraries
         ours, theirs = context.Pipe()
         process = context.Process(target=work, args=(theirs, self._settings), daemon=True)
-        process.start()
+        with _deaf():
+            process.start()
         theirs.close()
         self.workers.append(_Worker(process, ours))
 
@@ -186,6 +189,19 @@ class _Pool:
 
     def _allowed(self) -> Row:
         return {"timeout_s": self._limits.timeout_s, "memory_gb": self._limits.memory_gb}
+
+
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Let a process that is started not hear Ctrl-C, which is for us, from its first moment on."""
+    if sys.platform == "win32":
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _cause(code: int | None) -> str:
