@@ -40,7 +40,7 @@ def replacing(path: Path) -> Iterator[Path]:
         _flush_to_disk(part)
         part.replace(path)
     except OSError as error:
-        raise WriteError(_message(path, error)) from error
+        raise refused(path, error) from error
     finally:
         with suppress(OSError):  # already renamed, or never made
             part.unlink()
@@ -77,6 +77,7 @@ def _runs(pid: int) -> bool:
     return True
 
 
-def _message(path: Path, error: OSError) -> str:
+def refused(path: Path, error: OSError) -> WriteError:
+    """Return what to tell of a file that the system refuses to write."""
     advice = ADVICE.get(error.errno or 0, "Choose another folder with --output.")
-    return f"{path}: cannot write: {error.strerror or error}. {advice}"
+    return WriteError(f"{path}: cannot write: {error.strerror or error}. {advice}")

@@ -1,9 +1,9 @@
 """The whole program, read aloud: read, condition, estimate, evaluate, write."""
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import fields, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -125,6 +125,72 @@ def doubted(recording: Recording) -> Recording:
     return replace(recording, notes=(*recording.notes, *inspection.doubts(recording)))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Opened:
+    """A log, read for observers that read and score it in the same way."""
+
+    recording: Recording
+    reference: Reference | None
+    timing: Mapping[str, float]
+    """Of the reading, seconds."""
+    conditioned: dict[str, Conditioned] = field(default_factory=dict)
+    """Samples that observers share, by what makes them."""
+
+
+def opened(log: Path, configuration: Configuration, on_stage: OnStage | None = None) -> Opened:
+    """Read a log, once for all observers whose `reading` is the same.
+
+    Raises
+    ------
+    ReadError
+        The log cannot be used.
+    ConfigError
+        The log lacks the reference.
+    """
+    timing: dict[str, float] = {}
+    recording, reference = referenced(log, configuration, timing, on_stage)
+    return Opened(recording, reference, timing)
+
+
+def reading(configuration: Configuration) -> Mapping[str, Any]:
+    """Return what configurations must share to be run over one reading, and to be compared."""
+    whole = config.effective(configuration)
+    return {section: whole[section] for section in ("input", "evaluation")}
+
+
+def observe(
+    log: Opened,
+    configuration: Configuration,
+    on_stage: OnStage | None = None,
+    *,
+    label: str | None = None,
+    compiled: bool = True,
+) -> Result:
+    """Run one observer over a log that is read; a label stands for the observer's name.
+
+    What is not compiled yet is compiled before time is taken.
+
+    Raises
+    ------
+    ReadError
+        The data in the log cannot be used.
+    ConfigError
+        The configuration does not suit the log.
+    """
+    timing, how = dict(log.timing), config.sampling(configuration)
+    with _stage("conditioning", timing, on_stage):
+        if how not in log.conditioned:
+            log.conditioned[how] = conditioning.condition(log.recording, configuration)
+    if not compiled:
+        _compile(log.conditioned[how][0], configuration)
+    result = _observe(
+        log.recording, log.conditioned[how], log.reference, configuration, timing, on_stage
+    )
+    if label is not None:
+        result = replace(result, estimates=replace(result.estimates, observer=label))
+    return replace(result, summary=report.summarise(result, timing))
+
+
 def run(log: Path, configuration: Configuration, on_stage: OnStage | None = None) -> Result:
     """Run one log through one observer.
 
@@ -135,12 +201,7 @@ def run(log: Path, configuration: Configuration, on_stage: OnStage | None = None
     ConfigError
         The configuration does not suit the log.
     """
-    timing: dict[str, float] = {}
-    recording, reference = referenced(log, configuration, timing, on_stage)
-    with _stage("conditioning", timing, on_stage):
-        conditioned = conditioning.condition(recording, configuration)
-    result = _observe(recording, conditioned, reference, configuration, timing, on_stage)
-    return _summarised(result, timing)
+    return observe(opened(log, configuration, on_stage), configuration, on_stage)
 
 
 def compare(
@@ -163,29 +224,17 @@ def compare(
         The configurations read or score the log in different ways, or the log lacks the reference.
     """
     config.refuse_unlike(configurations)
-    reading = dict[str, float]()
-    recording, reference = referenced(log, _first(configurations), reading, on_stage)
-    conditioned: dict[str, Conditioned] = {}
+    read_once = opened(log, _first(configurations), on_stage)
     results: list[Result] = []
     failed: dict[str, str] = {}
     for label, configuration in configurations.items():
-        if _is_itself(reference, configuration):
+        if _is_itself(read_once.reference, configuration):
             failed[label] = "is the reference, and not ranked against itself"
             continue
-        timing, how = dict(reading), config.sampling(configuration)
         try:
-            with _stage("conditioning", timing, on_stage):
-                if how not in conditioned:
-                    conditioned[how] = conditioning.condition(recording, configuration)
-            _compile(conditioned[how][0], configuration)
-            result = _observe(
-                recording, conditioned[how], reference, configuration, timing, on_stage
-            )
+            results.append(observe(read_once, configuration, on_stage, label=label, compiled=False))
         except AttestError as error:
             failed[label] = str(error)
-        else:
-            named = replace(result.estimates, observer=label)
-            results.append(_summarised(replace(result, estimates=named), timing))
     if not results:
         raise ReadError(f"{log}: no observer could run. {next(iter(failed.values()))}")
     return ranked(results), failed
@@ -205,7 +254,7 @@ def _is_itself(reference: Reference | None, configuration: Configuration) -> boo
 def _compile(samples: Samples, configuration: Configuration) -> None:
     """Run the observer over a few steps, so that its compilation is not counted as its time."""
     n = len(samples.t)
-    named = {field.name: getattr(samples, field.name) for field in fields(samples)}
+    named = {each.name: getattr(samples, each.name) for each in fields(samples)}
     few: dict[str, Any] = {
         name: values[:FEW]
         for name, values in named.items()
@@ -213,10 +262,6 @@ def _compile(samples: Samples, configuration: Configuration) -> None:
     }
     with suppress(AttestError):  # the whole log will tell
         observers.get(configuration.observer).estimate(replace(samples, **few), configuration)
-
-
-def _summarised(result: Result, timing: Mapping[str, float]) -> Result:
-    return replace(result, summary=report.summarise(result, timing))
 
 
 def _observe(
@@ -259,10 +304,12 @@ def write(
     folder: Path,
     on_stage: OnStage | None = None,
     document: Mapping[str, object] | None = None,
+    kinds: Collection[str] = writers.KINDS,
 ) -> list[Path]:
     """Write MCAP, Rerun and JSON of the runs over one log, and return their paths.
 
-    The JSON is the run's summary, unless another document is given.
+    The JSON is the run's summary, unless another document is given. Of the others, those of the
+    kinds named are written.
 
     Raises
     ------
@@ -271,7 +318,7 @@ def write(
     """
     if on_stage:
         on_stage("writing")
-    return list(writers.write(results, folder, document))
+    return list(writers.write(results, folder, document, kinds))
 
 
 def _with_lyapunov(

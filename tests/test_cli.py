@@ -86,7 +86,8 @@ def test_logs_of_one_stem_never_overwrite_each_other(tmp_path, sample_logs):
         cut = 200 if folder == "a" else 300
         (tmp_path / folder / "flight.csv").write_text("\n".join(text[:cut]) + "\n")
     out = tmp_path / "out"
-    done = attest("run", tmp_path / "a", tmp_path / "b", "--output", out, "-q")
+    logs = [tmp_path / folder / "flight.csv" for folder in ("a", "b")]
+    done = attest("run", *logs, "--output", out, "-q")
     assert done.returncode == 0, done.stderr
     assert len(list(out.iterdir())) == 2
     attest("run", tmp_path / "a" / "flight.csv", "--output", out, "-q")
@@ -132,7 +133,8 @@ def test_folder_runs_what_it_can_and_exits_1_for_the_rest(tmp_path, sample_logs)
     (logs / "bad.csv").write_text("time_s,gyro_x,gyro_y,gyro_z\n")
     done = attest("run", logs, "--output", tmp_path / "out", "-q")
     assert done.returncode == 1
-    assert done.stderr.endswith("attest: 1 of 2 logs could not be used; see above.\n")
+    table = tmp_path / "out" / "summary.csv"
+    assert done.stderr.endswith(f"attest: 1 of 2 runs did not end well. See {table}.\n")
     assert (tmp_path / "out" / "good" / "fts.json").is_file()
 
 
@@ -349,6 +351,6 @@ def test_an_output_whose_name_is_too_long_is_one_line(tmp_path, sample_logs):
 
 
 def test_json_of_several_logs_is_a_line_each(tmp_path, two_logs):
-    done = attest("run", two_logs, "--output", tmp_path, "--json")
+    done = attest("run", *sorted(two_logs.iterdir()), "--output", tmp_path, "--json")
     documents = [json.loads(line) for line in done.stdout.splitlines()]
     assert [document["schema"] for document in documents] == [1, 1]

@@ -13,7 +13,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from attest import pipeline, report
-from attest.cli.compare import _labels as labels
+from attest.cli.labels import labelled as labels
 from attest.errors import ConfigError, ReadError
 from attest.result import ranked
 from attest.writers.mcap import write_mcap

@@ -11,6 +11,7 @@ from typing import NoReturn
 import click
 
 import attest
+from attest.cli.batch import batch
 from attest.cli.calibrate import calibrate
 from attest.cli.compare import compare
 from attest.cli.config import configuration
@@ -90,6 +91,7 @@ def _complain(error: Exception, text: str, *, debug: bool) -> None:
 COMMANDS = (
     run,
     compare,
+    batch,
     tune,
     calibrate,
     info,

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from attest.cli.labels import labelled
 from attest.cli.logs import logs as find_logs
 from attest.cli.options import (
     assignments_option,
@@ -68,7 +69,7 @@ def compare(
         raise ConfigError("one observer: nothing to compare with. Name two with -o, or use run.")
     wanted = [*chosen(choices), *assignments]
     configurations = {
-        label: pipeline.configure(name, wanted) for label, name in _labels(observers).items()
+        label: pipeline.configure(name, wanted) for label, name in labelled(observers).items()
     }
     path = _only(log, next(iter(configurations.values())).input.csv)
     with progress(path.name, quiet=quiet, stages=3 * len(configurations) + 2) as on_stage:
@@ -85,27 +86,6 @@ def compare(
             click.echo(f"attest: {label}: {reason}", err=True)
     if open_viewer:
         open_rrd(written[1])
-
-
-def _labels(names: Sequence[str]) -> dict[str, str]:
-    """Name each configuration: by its name, or its file's stem; of twins the second is NAME-2.
-
-    Names that would be one topic are twins too.
-    """
-    from attest.writers.json import clean
-    from attest.writers.topics import topic_name
-
-    labels: dict[str, str] = {}
-    taken: set[str] = set()
-    for name in names:
-        stem = clean(Path(name).stem or name)
-        label, count = stem, 1
-        while topic_name(label) in taken:
-            count += 1
-            label = f"{stem}-{count}"
-        taken.add(topic_name(label))
-        labels[label] = name
-    return labels
 
 
 def _only(named: str, csv: "Csv | None") -> Path:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterator, Mapping
+from math import isfinite
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -55,6 +56,13 @@ def log_options(command: F) -> F:
     ):
         command = option(command)
     return command
+
+
+def finite(_: click.Context, __: click.Parameter, value: float | None) -> float | None:
+    """Refuse what is no number, which a range lets pass."""
+    if value is not None and not isfinite(value):
+        raise click.BadParameter(f"{value} is no number.")
+    return value
 
 
 def chosen(choices: Mapping[str, Any]) -> Iterator[str]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from attest.cli.batch import run_batch
 from attest.cli.logs import logs as find_logs
 from attest.cli.options import (
     assignments_option,
@@ -20,7 +21,7 @@ from attest.cli.options import (
     quiet_option,
 )
 from attest.cli.progress import progress
-from attest.errors import AttestError, ReadError
+from attest.errors import AttestError, ConfigError, ReadError
 
 if TYPE_CHECKING:
     from attest.config import Configuration
@@ -54,10 +55,17 @@ def run(
     as_json: bool,
     **choices: Any,
 ) -> None:
-    """Run an observer over logs, or folders of them: MCAP, Rerun, JSON, and a table."""
+    """Run an observer over logs: MCAP, Rerun, JSON, and a table; a folder is as with `batch`."""
     from attest import pipeline
+    from attest.batch import Plan
 
     configuration = pipeline.configure(observer, [*chosen(choices), *assignments])
+    if any(map(_holds_logs, logs)):
+        if open_viewer:
+            raise ConfigError("--open: a folder has many results. Name a log.")
+        plan = Plan(configurations={configuration.observer: configuration}, output=output)
+        run_batch(logs, plan, quiet=quiet, as_json=as_json)
+        return
     found = find_logs(logs, configuration.input.csv)
     failed = 0
     for log in found:
@@ -73,6 +81,13 @@ def run(
             open_rrd(rrd)
     if failed:
         raise ReadError(f"{failed} of {len(found)} logs could not be used; see above.")
+
+
+def _holds_logs(name: str) -> bool:
+    """Whether it is a folder, and not a log that is one."""
+    from attest import readers
+
+    return name != "" and Path(name).is_dir() and not readers.is_log(Path(name))
 
 
 def _run_one(

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import fields
-from math import isfinite
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -12,6 +11,7 @@ from attest.cli.logs import logs as find_logs
 from attest.cli.options import (
     assignments_option,
     chosen,
+    finite,
     json_option,
     log_options,
     observer_option,
@@ -22,13 +22,6 @@ from attest.cli.progress import progress
 from attest.errors import ReadError
 
 F = TypeVar("F", bound=Callable[..., Any])
-
-
-def finite(_: click.Context, __: click.Parameter, value: float) -> float:
-    """Refuse what is no number, which a range lets pass."""
-    if not isfinite(value):
-        raise click.BadParameter(f"{value} is no number.")
-    return value
 
 
 OPTIONS: dict[str, dict[str, Any]] = {

@@ -5,13 +5,14 @@ from attest.report.gains import text_of_observer
 from attest.report.info import describe, text_of_info
 from attest.report.plot import plot
 from attest.report.ranking import rank, text_of_ranking
-from attest.report.summary import summarise
+from attest.report.summary import sha256, summarise
 from attest.report.table import text_of_run
 
 __all__ = [
     "describe",
     "plot",
     "rank",
+    "sha256",
     "summarise",
     "text_of_calibration",
     "text_of_info",

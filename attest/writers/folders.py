@@ -18,12 +18,12 @@ def folder_for(result: Result, output: Path, logs: Sequence[Path]) -> Path:
     stem = log.stem.strip(".") or "log"  # a stem of dots would lead out of the folder
     folder = output / stem
     first = next(other for other in logs if (other.stem.strip(".") or "log") == stem)
-    if first == log and _owners(folder) <= {str(log.resolve())}:
+    if first == log and owners(folder) <= {str(log.resolve())}:
         return folder
     return output / f"{stem}-{str(result.summary['log']['sha256'])[:8]}"
 
 
-def _owners(folder: Path) -> set[str]:
+def owners(folder: Path) -> set[str]:
     """Return the logs that the results in a folder were made from."""
     owners: set[str] = set()
     try:

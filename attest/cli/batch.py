@@ -1,0 +1,218 @@
+"""``attest batch``."""
+
+import json
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from attest.cli.labels import labelled
+from attest.cli.options import (
+    assignments_option,
+    chosen,
+    finite,
+    json_option,
+    log_options,
+    output_option,
+    quiet_option,
+)
+from attest.errors import ConfigError, ReadError
+
+if TYPE_CHECKING:
+    from attest.batch import Found, Plan
+
+F = TypeVar("F", bound=Callable[..., Any])
+Row = dict[str, Any]
+
+OPTIONS: dict[str, dict[str, Any]] = {
+    "--observer": {
+        "multiple": True,
+        "default": ("fts",),
+        "metavar": "NAME|FILE.yaml",
+        "help": "Observer, or YAML; as many as you like.",
+    },
+    "--jobs": {
+        "default": 0,
+        "type": click.IntRange(0, 1024),
+        "help": "Logs that run at the same time; 0: one for each processor.",
+    },
+    "--timeout": {
+        "default": 3600.0,
+        "type": click.FloatRange(0.0, 1e6),
+        "callback": finite,
+        "metavar": "S",
+        "help": "Give a log up after so long; 0: never.",
+    },
+    "--memory": {
+        "type": click.FloatRange(0.0, 1e6, min_open=True),
+        "callback": finite,
+        "metavar": "GB",
+        "help": "Give a log up that takes more, beside the program itself.  [default: no bound]",
+    },
+    "--write": {
+        "multiple": True,
+        "default": ("mcap", "rrd"),
+        "type": click.Choice(["mcap", "rrd", "json"]),
+        "help": "What to write of each log; JSON always is.",
+    },
+}
+
+
+def batch_options(command: F) -> F:
+    """Add the options that say how to run a batch."""
+    for name, option in reversed(OPTIONS.items()):
+        names = (name, "-o", "observers") if name == "--observer" else (name,)
+        command = click.option(*names, **option)(command)
+    return command
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  attest batch flights/
+  attest batch flights/ -o fts -o mekf --output results --jobs 4
+  attest batch 'flights/**/*.BIN' --write json --timeout 60
+  find /logs -name '*.ulg' -print0 | attest batch - --json
+  attest batch @logs.txt --retry
+"""
+)
+@click.argument("paths", nargs=-1, required=True, metavar="PATH...")
+@batch_options
+@click.option("--force", is_flag=True, help="Do again what is done.")
+@click.option("--retry", is_flag=True, help="Do again what did not end well.")
+@assignments_option
+@log_options
+@output_option
+@quiet_option
+@json_option
+def batch(
+    *,
+    paths: tuple[str, ...],
+    observers: tuple[str, ...],
+    assignments: tuple[str, ...],
+    output: Path,
+    quiet: bool,
+    as_json: bool,
+    **choices: Any,
+) -> None:
+    """Run observers over many logs: each once, in parallel, whatever happens to one of them.
+
+    PATH is a log, a folder, a pattern, @FILE with a path a line (or a zero byte after each), or -
+    for such a list on stdin. What an earlier call has done is not done again.
+    """
+    from attest import batch as batches
+    from attest import pipeline
+
+    wanted = [*chosen(choices), *assignments]
+    plan = batches.Plan(
+        configurations={
+            label: pipeline.configure(name, wanted) for label, name in labelled(observers).items()
+        },
+        output=output,
+        kinds=tuple(kind for kind in ("mcap", "rrd") if kind in choices["write"]),
+        jobs=choices["jobs"],
+        limits=batches.Limits(
+            timeout_s=choices["timeout"] or None, memory_gb=choices["memory"] or None
+        ),
+        force=choices["force"],
+        retry=choices["retry"],
+    )
+    run_batch(paths, plan, quiet=quiet, as_json=as_json)
+
+
+def run_batch(paths: tuple[str, ...], plan: "Plan", *, quiet: bool, as_json: bool) -> None:
+    """Run a batch, tell what comes of it, and write the summary."""
+    from attest import batch as batches
+
+    named = [name for path in paths for name in _listed(path)]
+    csv = next(iter(plan.configurations.values())).input.csv
+    found = batches.find(named, plan.output, csv)
+    counts: Counter[str] = Counter()
+    with batches.Journal(plan.output) as journal:
+        expected = len(found.logs) * len(plan.configurations)
+        with _bar(expected, quiet=quiet) as advance:
+            for row, before in batches.run(found.logs, plan, journal):
+                counts[row["status"]] += 1
+                counts["done before"] += before
+                advance()
+                _tell(row, before=before, as_json=as_json)
+        written = batches.write_results(journal, plan.output)
+    if journal.damaged:
+        click.echo(
+            f"attest: {journal.path}: {journal.damaged} lines cannot be read: their logs were done "
+            "again.",
+            err=True,
+        )
+    if not (quiet or as_json):
+        click.echo(_text(found, counts, written))
+    failed = expected - counts["ok"]
+    if failed:
+        raise ReadError(f"{failed} of {expected} runs did not end well. See {written[0]}.")
+
+
+def _listed(path: str) -> list[str]:
+    """Return the paths that a list names, or the path itself."""
+    from attest import batch as batches
+
+    if path == "-":
+        return batches.names_in(sys.stdin.buffer.read())
+    if not path.startswith("@"):
+        return [path]
+    try:
+        return batches.names_in(Path(path[1:]).read_bytes())
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror}. Name a file with a path a line.") from error
+
+
+@contextmanager
+def _bar(total: int, *, quiet: bool) -> Iterator[Callable[[], None]]:
+    """Show how many are done on stderr where that is a terminal; yield what tells of one more."""
+    if quiet or not sys.stderr.isatty():
+        yield lambda: None
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"))
+    with Progress(
+        *columns, TimeRemainingColumn(), console=Console(stderr=True), transient=True
+    ) as bar:
+        task = bar.add_task("batch", total=total)
+        yield lambda: bar.update(task, advance=1)
+
+
+def _tell(row: Row, *, before: bool, as_json: bool) -> None:
+    """Tell of a row: all of it on stdout, or what went wrong on stderr."""
+    if as_json:
+        click.echo(json.dumps(row))
+    elif row["status"] != "ok" and not before:
+        who = f"{row['path']}: {row['observer']} {row['status']}: "
+        error = str(row["error"]).removeprefix(f"{row['path']}: ")
+        click.echo(f"attest: {' '.join((who + error).split())}", err=True)
+
+
+def _text(found: "Found", counts: Counter[str], written: "list[Path]") -> str:
+    """Return what came of a batch."""
+    statuses = [
+        f"{counts[status]:,} {status}"
+        for status in ("ok", "failed", "crashed", "timeout", "memory")
+        if counts[status]
+    ]
+    lines = [f"{len(found.logs):,} logs: {', '.join(statuses)}"]
+    if counts["done before"]:
+        lines[0] += f"; {counts['done before']:,} of them done before"
+    if found.left_out:
+        lines.append(f"  left out    {found.left_out:,} that are no logs, or links to folders")
+    names = " ".join(path.name for path in written)
+    return "\n".join([*lines, f"  written     {written[0].parent}/  {names}"])
