@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-from attest.readers import mavlink, mavlink_scan, tlog
-
-os.environ["MAVLINK20"] = "1"  # before mavutil is imported: else it decodes without extensions
-
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega
 from pymavlink.mavutil import x25crc
+
+from attest.readers import mavlink, mavlink_scan, tlog
+
+os.environ["MAVLINK20"] = "1"
+mavutil.set_dialect("ardupilotmega")  # another test may have imported it as of MAVLink 1
 
 LOGS = ["bluerov2", "bluerov2_bad_crc", "attitude_only", "quadplane_sitl", "one_message"]
 
