@@ -133,22 +133,26 @@ def _slowly(
             columns[name] = np.array([text[:LONGEST_TEXT] for text in texts], np.bytes_)
             good &= np.array([len(text) <= LONGEST_TEXT for text in texts], np.bool_)
             continue
-        values = [_real(text) if kind is np.float64 else _whole(text, kind) for text in texts]
+        values = _reals(texts) if kind is np.float64 else _wholes(texts, kind)
         good &= np.array([value is not None for value in values], np.bool_)
         columns[name] = np.array([value or 0 for value in values], kind)
     return columns, good
 
 
-def _real(text: bytes) -> float | None:
-    value = number(text)
+def _reals(texts: list[bytes]) -> list[float | None]:
+    values = [number(text) for text in texts]
     # what is written as no number is one that the sensor gave
-    meant = not isnan(value) or text.lower().strip(b"+-") in (b"nan", b"qnan")
-    return value if meant else None
+    return [
+        value if not isnan(value) or text.lower().strip(b"+-") in (b"nan", b"qnan") else None
+        for text, value in zip(texts, values, strict=True)
+    ]
 
 
-def _whole(text: bytes, kind: Any) -> int | None:
-    if not text.lstrip(b"+-").isdigit() or len(text) > 20:
-        return None
+def _wholes(texts: list[bytes], kind: Any) -> list[int | None]:
     limits = np.iinfo(kind)
-    value = int(text)
-    return value if limits.min <= value <= limits.max else None
+    least, most = int(limits.min), int(limits.max)
+    values = [
+        int(text) if len(text) <= 20 and text[text[:1] in (b"+", b"-") :].isdigit() else None
+        for text in texts
+    ]
+    return [None if value is None or not least <= value <= most else value for value in values]

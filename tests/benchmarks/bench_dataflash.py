@@ -2,9 +2,10 @@
 
     python tests/benchmarks/bench_dataflash.py LOG [--megabytes 100] [--pymavlink-megabytes 10]
 
-Repeats the log's messages, with times that go on, until the file is as long as wanted; reads it
-whole here and its beginning with pymavlink's ``recv_match``, both for the same message types;
-prints rates, their ratio and the highest memory use. With ``--text`` it does so for text.
+Repeats the log's messages, but for parameters, of which a flight has one set, with times that go
+on, until the file is as long as wanted; reads it whole here and its beginning with pymavlink's
+``recv_match``, both for the same message types; prints rates, their ratio and the highest memory
+use. With ``--text`` it does so for text.
 """
 
 import tempfile
@@ -29,14 +30,16 @@ def lengthened(log: Path, size: int, out: Path) -> None:
             (defined[kind] for kind in frames.kind.tolist())]  # fmt: skip
     span = int(np.ptp(micros[timed])) + 20_000
     turning = timed & ~np.array(told)
-    first = int(frames.at[turning][0])
-    body = data[first : int(frames.end[-1])].copy()
-    at = (frames.at[turning & (frames.at >= first)] - first + scan.HEADER)[:, np.newaxis]
-    cells = at + np.arange(8)
+    body, head = (
+        np.concatenate([data[a:b] for a, b in zip(frames.at[of], frames.end[of], strict=True)])
+        for of in (turning, ~turning)
+    )
+    lengths = (frames.end - frames.at)[turning]
+    cells = (np.cumsum(lengths) - lengths + scan.HEADER)[:, np.newaxis] + np.arange(8)
     stamps = body[cells].copy().view("<u8")
     with out.open("wb") as file:
-        file.write(data[:first])
-        for turn in range(max(1, (size - first) // len(body))):
+        file.write(head)
+        for turn in range(max(1, (size - len(head)) // len(body))):
             body[cells] = (stamps + np.uint64(turn * span)).view(np.uint8)
             file.write(body)
 

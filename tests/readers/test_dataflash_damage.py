@@ -240,3 +240,12 @@ def test_numbers_of_text_may_be_none(tmp_path):
     recording = read(tmp_path, text, "flight.log")
     assert len(recording.signals["gyro"].t) == len(TIMES)
     assert notes(recording)["IMU[0] gyro not finite dropped"] == 1
+
+
+@pytest.mark.parametrize("value", ["+-5", "--5", "-", "", "99999999999999999999", "5x"])
+def test_lines_with_what_is_no_whole_number_are_skipped(tmp_path, value):
+    text = flight(TIMES).text() + f"MAG, 110000000, 0, {value}, 1, 1, 1, 1, 1, 1, 1, 1\n".encode()
+    text += f"IMU, 110000000, {value}, 1, 1, 1, 1, 1, 1\n".encode()
+    recording = read(tmp_path, text, "flight.log")
+    assert len(recording.signals["gyro"].t) == len(TIMES)
+    assert any("without a message skipped" in each for each in notes(recording))
