@@ -102,7 +102,7 @@ def _count(group: Group) -> int:
 
 def _rank(name: str) -> tuple[bool, int, str]:
     """Order names as people count: 2 before 10."""
-    number = int(name) if name.lstrip("-").isdecimal() and len(name) < 20 else None
+    number = int(name) if name.removeprefix("-").isdecimal() and len(name) < 20 else None
     return number is None, number or 0, name
 
 

@@ -158,6 +158,7 @@ MOCAP4R2 = {
     ("form", "names", "called"),
     [
         (0, ({"marker_name": "nose"}, {"marker_name": "tail"}), ("nose", "tail")),
+        (0, ({"marker_name": "-5"}, {"marker_name": "--5"}), ("-5", "--5")),
         (1, ({"marker_index": 2}, {"marker_index": 10}), ("2", "10")),
         (
             2,
