@@ -27,7 +27,8 @@ STYLE = """
 dl { display: grid; grid-template-columns: max-content 1fr; gap: 0 1.2em }
 dt { color: var(--faint) } dd { margin: 0 }
 figure { width: 600px; max-width: 100% } figure svg { max-width: 100%; height: auto }
-figure small { display: block }
+figure small { display: block; font-weight: 400 }
+th { white-space: normal; vertical-align: bottom }
 h2 { margin-top: 1.6em }
 """
 SERIES = ("vehicle", "observer", "figure", "unit", "flights", "median", "± MAD", "a month", "last")

@@ -159,7 +159,7 @@ def _change(
 def _odd(one: Series, level: Array, tests: Tests) -> Iterator[tuple[int, float]]:
     """Yield flights that are far from the level; of a size, only the large ones, by ratio.
 
-    By Bonferroni: none in all the series that are judged, were all normal, but by a chance of `ODD`.
+    By Bonferroni: none in all series that are judged, were all normal, but by a chance of `ODD`.
     """
     x = one.x[: len(level)]
     left = x - level
