@@ -10,13 +10,15 @@ from pathlib import Path
 from typing import Any
 
 from attest.errors import ReadError
-from attest.fleet import read as reading
+from attest.fleet import reading
 from attest.fleet.document import describe
 from attest.fleet.page import write_page
 from attest.fleet.series import Choice, flights, series
 from attest.fleet.table import text_of_fleet
 from attest.fleet.trend import trends
 from attest.fleet.written import write_table
+
+LEFT_OUT = ("not ok", "of other observers", "of other days")
 
 __all__ = ["Choice", "fleet", "text_of_fleet", "write_results"]
 
@@ -41,7 +43,7 @@ def fleet(named: Sequence[Path], choice: Choice) -> dict[str, Any]:
 
 
 def _why(left_out: dict[str, int]) -> str:
-    reasons = [f"{count:,} {why}" for why, count in left_out.items() if count and why != "read"]
+    reasons = [f"{left_out[why]:,} {why}" for why in LEFT_OUT if left_out.get(why)]
     told = f", {', '.join(reasons)}" if reasons else ""
     return f"no row with a figure that can be used ({left_out['read']:,} read{told})"
 

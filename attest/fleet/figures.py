@@ -15,7 +15,7 @@ class Figure:
     scale: float = 1.0
     """From the summary's unit to the one shown."""
     digits: int = 2
-    """Behind the point."""
+    """Behind the point; what these do not show is no news."""
     error: bool = False
     """Whether it is against a reference: figures against different ones do not compare."""
     positive: bool = False
@@ -38,7 +38,7 @@ FIGURES = (
     *_axes("gyro scale", "gyro_scale_{}", "%", 100.0, 2),
     *_axes("hard iron", "hard_iron_{}_ut", "µT", 1.0, 1),
     Figure("soft iron", "soft_iron", "%", 100.0, 1, positive=True),
-    Figure("field of model's", FIELD_SHARE, "%", 100.0, 1),
+    Figure("field/model", FIELD_SHARE, "%", 100.0, 1),
     Figure("field", FIELD, "µT", 1.0, 1),
     Figure("mag latency", "mag_latency_s", "ms", 1e3, 0, level=False),  # zero may be untold
     Figure("total RMSE", "total_rmse_deg", "°", error=True, positive=True),

@@ -23,6 +23,8 @@ from attest.report.html import FOOT, head
 
 MOST_DRAWN, MOST = 60, 2000
 """Drawings, and rows of a table, that a browser shows with ease."""
+LONGEST = 24
+"""Of a number in a table; what is longer is a sentence, whose lines break."""
 STYLE = """
 dl { display: grid; grid-template-columns: max-content 1fr; gap: 0 1.2em }
 dt { color: var(--faint) } dd { margin: 0 }
@@ -119,7 +121,8 @@ def _cell(text: str, key: object) -> str:
     number = isinstance(key, int | float)
     shown = escape(text)
     by = repr(key) if number else shown if key is None else escape(str(key))
-    return f'<td{" class=n" if number else ""} data-v="{by}">{shown}</td>'
+    plain = number and len(text) <= LONGEST
+    return f'<td{" class=n" if plain else ""} data-v="{by}">{shown}</td>'
 
 
 def _medians(row: Mapping[str, str]) -> list[Cell]:

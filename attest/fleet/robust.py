@@ -19,6 +19,8 @@ NORMAL = 1.4826
 """Deviations of a normal distribution in its median absolute deviation."""
 COMPLETE = 200
 """Values of which all pairs are compared; of more, each with the one half a series later."""
+NEAR = 3.0
+"""Deviations within which no value is odd."""
 FAR = 9.0
 """Median absolute deviations at which a value counts nothing."""
 
@@ -45,7 +47,7 @@ def slope(t: Array, x: Array) -> float:
 def odd(x: Array) -> Array:
     """Return each value's chance to be so far from zero, which is their level, if all are normal.
 
-    By the biweight's deviation [Mosteller77]; one where the values hardly scatter.
+    By the biweight's deviation [Mosteller77]; one within `NEAR` of it, or where most are equal.
     """
     n, mad = len(x), float(np.median(np.abs(x)))
     if n < 2 or mad == 0.0:
@@ -53,7 +55,10 @@ def odd(x: Array) -> Array:
     u = np.minimum((x / (FAR * mad)) ** 2, 1.0)
     below = float(np.sum((1.0 - u) * (1.0 - 5.0 * u)))
     deviation = sqrt(n * float(np.sum(x**2 * (1.0 - u) ** 4))) / abs(below)
-    return np.array([student(value / deviation, 0.7 * (n - 1)) for value in x])
+    chance = np.ones(n)
+    for i in np.flatnonzero(np.abs(x) > NEAR * deviation):
+        chance[i] = student(float(x[i]) / deviation, 0.7 * (n - 1))
+    return chance
 
 
 def student(t: float, freedom: float) -> float:

@@ -91,12 +91,12 @@ def flights(table: "pyarrow.Table", choice: Choice) -> tuple[Flights, dict[str, 
     left_out["not ok"] = left_out["read"] - table.num_rows
     newest = _newest(table)
     left_out["twice"] = table.num_rows - len(newest)
-    table = table.take(newest)
+    table = table.drop_columns(["status", "sha256", "version"]).take(newest)
     if choice.observers:
         chosen = _of_observers(table, choice.observers)
         left_out["of other observers"] = table.num_rows - chosen.num_rows
         table = chosen
-    t = np.array([_seconds(text) for text in table["began_utc"].to_pylist()], float)
+    t = _times(table["began_utc"])
     within = _within(t, choice)
     left_out["of other days"] = len(t) - int(within.sum())
     found = _flights(table.filter(pyarrow.array(within)), t[within], choice.by)
@@ -118,7 +118,8 @@ def _newest(table: "pyarrow.Table") -> Whole:
     log, _ = _coded(pc.coalesce(table["sha256"], table["path"]))
     observer, _ = _coded(table["observer"])
     vehicle, _ = _coded(table["vehicle"])
-    version, versions = _coded(table["version"])
+    version, known = _coded(table["version"])
+    versions = known.to_pylist()
     order = sorted(range(len(versions)), key=lambda i: _parts(versions[i]))
     place = np.empty(len(order), np.int64)
     place[order] = np.arange(len(order))
@@ -128,14 +129,22 @@ def _newest(table: "pyarrow.Table") -> Whole:
     return np.sort(by[last])
 
 
-def _coded(column: Any) -> tuple[Whole, list[str]]:
-    """Return a text column as numbers of a list of texts; none is the empty one."""
+def _coded(column: Any) -> tuple[Whole, Any]:
+    """Return a text column as numbers of an array of texts; none is the empty one."""
     import pyarrow.compute as pc
 
     coded = pc.fill_null(column, "").combine_chunks().dictionary_encode()
-    return coded.indices.to_numpy(zero_copy_only=False).astype(
-        np.int64
-    ), coded.dictionary.to_pylist()
+    return coded.indices.to_numpy(zero_copy_only=False).astype(np.int64), coded.dictionary
+
+
+def _in_order(column: Any) -> tuple[Whole, list[str]]:
+    """Return a text column as numbers of a sorted list of texts, whatever came first."""
+    number, known = _coded(column)
+    texts = known.to_pylist()
+    order = sorted(range(len(texts)), key=texts.__getitem__)
+    place = np.empty(len(order), np.int64)
+    place[order] = np.arange(len(order))
+    return place[number], [texts[i] for i in order]
 
 
 def _parts(version: str) -> list[tuple[int, str]]:
@@ -155,6 +164,11 @@ def _of_observers(table: "pyarrow.Table", wanted: Sequence[str]) -> "pyarrow.Tab
                 f"--observer {name}: not in the summaries. They have: {', '.join(known)}."
             )
     return table.filter(pc.is_in(table["observer"], value_set=pyarrow.array(list(wanted))))
+
+
+def _times(column: "pyarrow.ChunkedArray") -> Array:
+    parts = [np.array(list(map(_seconds, chunk.to_pylist())), float) for chunk in column.chunks]
+    return np.concatenate([np.empty(0), *parts])
 
 
 def _seconds(text: str | None) -> float:
@@ -186,11 +200,11 @@ def _flights(table: "pyarrow.Table", t: Array, by: str) -> Flights:
 
     named = pc.replace_substring_regex(table["path"], r"[/\\][^/\\]*$", "")
     if by == "vehicle":
-        named = pc.binary_join_element_wise("folder", named, " ")
+        named = pc.replace_substring_regex(named, "^", "folder ", max_replacements=1)
         named = pc.coalesce(table["vehicle"], named)
-    vehicle, vehicles = _coded(named)
-    observer, observers = _coded(table["observer"])
-    reference, references = _coded(table["reference"])
+    vehicle, vehicles = _in_order(named)
+    observer, observers = _in_order(table["observer"])
+    reference, references = _in_order(table["reference"])
     figures = {name: table[name].to_numpy() for name in COLUMNS}
     given = pc.fill_null(pc.equal(table["iron"], "given"), False).to_numpy()
     for name in IRON:

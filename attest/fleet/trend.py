@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from attest.fleet import change, robust
+from attest.fleet.figures import Figure
 from attest.fleet.series import Series
 
 Array = NDArray[np.float64]
@@ -18,6 +19,8 @@ SMALLEST = 1.0
 """Change that is worth a word, in deviations of the flights from their level."""
 ODD = 0.05
 """Chance of any flight at all to be called odd, were all normal."""
+TINY = 1e-300
+"""What is left of a series without scatter, so that it has a logarithm."""
 MONTH = 30.4375 * 86400.0
 
 
@@ -95,7 +98,8 @@ def _trend(one: Series, chance: float, tests: Tests, orders: int) -> Trend:
     changes: tuple[Change, ...] = ()
     level = np.full(n, np.median(x) if n else np.nan)
     if n >= FEWEST:
-        changes, level = _changes(t, x, slope, chance, tests, orders)
+        found, level = _changes(t, x, slope, chance, tests, orders)
+        changes = tuple(each for each in found if _worth(each, one.figure))
         odd = tuple(_odd(one, level, tests)) if one.figure.level else ()
     median, spread = float(np.median(one.x)), robust.spread(one.x)
     return Trend(one, median, spread, slope, chance, level, changes, odd)
@@ -103,13 +107,13 @@ def _trend(one: Series, chance: float, tests: Tests, orders: int) -> Trend:
 
 def _changes(
     t: Array, x: Array, slope: float, chance: float, tests: Tests, orders: int
-) -> tuple[tuple[Change, ...], Array]:
-    """Return the changes that are worth a word, and the level that they leave."""
+) -> tuple[list[Change], Array]:
+    """Return the changes, and the level that they leave."""
     steps = sorted(_steps(x, 0, chance, max(tests.threshold, change.PERHAPS), orders))
     level = _level(x, [at for at, _ in steps])
     line = slope * t
     line = line + np.median(x - line)
-    if steps and np.abs(x - line).sum() < np.abs(x - level).sum():
+    if steps and _criterion(x - line, 2) < _criterion(x - level, 2 * len(steps) + 1):
         ends = float(line[0]), float(line[-1])
         found = [_change("drift", 0, ends, x - line, chance, tests)]
         level = line
@@ -118,7 +122,22 @@ def _changes(
             _change("step", at, (level[at - 1], level[at]), x - level, chance, tests)
             for at, chance in steps
         ]
-    return tuple(each for each in found if each.deviations >= SMALLEST), level
+    return found, level
+
+
+def _worth(change: Change, figure: Figure) -> bool:
+    """Tell whether a change is more than the flights' scatter, and shows."""
+    shows = abs(change.after - change.before) >= 10.0**-figure.digits
+    return shows and change.deviations >= SMALLEST
+
+
+def _criterion(left: Array, unknowns: int) -> float:
+    """Return Schwarz's criterion of what a model leaves, by Laplace's distribution: less is better.
+
+    G. Schwarz, "Estimating the dimension of a model", Annals of Statistics 6(2), 1978.
+    """
+    n = len(left)
+    return 2.0 * n * float(np.log(np.abs(left).mean() + TINY)) + unknowns * float(np.log(n))
 
 
 def _steps(
@@ -166,7 +185,7 @@ def _odd(one: Series, level: Array, tests: Tests) -> Iterator[tuple[int, float]]
     if one.figure.positive and (x > 0.0).all() and (level > 0.0).all():
         left = np.log(x / level)
     chance = robust.odd(left)
-    far = chance * tests.flights < ODD
+    far = (chance * tests.flights < ODD) & (np.abs(x - level) >= 10.0**-one.figure.digits)
     if one.figure.positive:
         far &= left > 0.0
     for i in np.flatnonzero(far).tolist():

@@ -7,12 +7,12 @@ from attest.fleet.figures import AXES, FIGURES
 
 DIGITS = {figure.title: figure.digits for figure in FIGURES}
 SIGNED = {figure.title for figure in FIGURES if not figure.positive}
-SIZES = {"field of model's", "field", "mag latency"}
+SIZES = {"field/model", "field", "mag latency"}
 """Figures that are never below zero."""
 GROUPS = ("gyro bias", "hard iron")
 """Figures with axes, that are one cell of the overview."""
 SINGLE = (
-    *("field of model's", "field", "mag latency"),
+    *("field/model", "field", "mag latency"),
     *("total RMSE", "heading RMSE", "inclination RMSE", "heading offset"),
 )
 UNITS = {figure.title: figure.unit for figure in FIGURES}
@@ -80,7 +80,10 @@ def of_tests(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     yield "changed", f"{sure} of them at the most, on average"
     if judged["perhaps_changed"]:
         by_chance = _few(judged["perhaps_by_chance_at_most"])
-        yield "perhaps", f"{judged['perhaps_changed']:,} more; chance alone would give {by_chance}"
+        yield (
+            "perhaps",
+            f"{judged['perhaps_changed']:,} more; chance alone would give up to {by_chance}",
+        )
     if judged["odd_flights"]:
         text = f"{judged['odd_flights']:,} values; were all normal, any at all by a chance of"
         yield "odd", f"{text} {judged['odd_flight_by_chance']:.0%}"

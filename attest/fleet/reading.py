@@ -117,7 +117,7 @@ def _batches(path: Path, columns: list[str]) -> Iterator["pyarrow.RecordBatch"]:
 def _schema() -> "pyarrow.Schema":
     import pyarrow
 
-    types = {name: pyarrow.string() for name in TEXTS}
+    types = {name: pyarrow.large_string() for name in TEXTS}
     types |= {name: pyarrow.float64() for name in COLUMNS}
     return pyarrow.schema(list(types.items()))
 
@@ -137,11 +137,11 @@ def _typed(table: "pyarrow.Table", path: Path) -> "pyarrow.Table":
         try:
             column = column.cast(field.type)
         except pyarrow.ArrowException as error:
-            kind = "text" if field.type == pyarrow.string() else "a number"
+            kind = "text" if field.type == pyarrow.large_string() else "a number"
             raise ReadError(
                 f"{path}: the column {field.name} is {column.type}, not {kind}. {_ADVICE}"
             ) from error
-        if field.type == pyarrow.string():
+        if field.type == pyarrow.large_string():
             signs = "".join(FORMULA)
             column = pyarrow.compute.replace_substring_regex(column, f"^'([{signs}])", r"\1")
             nothing = pyarrow.compute.equal(column, "")
