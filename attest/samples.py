@@ -3,9 +3,26 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sensors:
+    """The sensors' own errors, as far as a log or the configuration tells them."""
+
+    gyro_scale: NDArray[np.float64] | None = None
+    """Of the gyroscope's axes, shape (3,); NaN where it is not known."""
+    mag_latency_s: float | None = None
+    """How late the magnetometer is against the gyroscope; zero also where turns do not tell."""
+    hard_iron: NDArray[np.float64] | None = None
+    """In the body, tesla, shape (3,); NaN along what the motion does not tell."""
+    soft_iron: NDArray[np.float64] | None = None
+    """Shape (3, 3), the identity where there is none."""
+    iron: Literal["applied", "found", "given"] | None = None
+    """Whether iron was found and taken off, found and left, or taken off as it is configured."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,6 +70,8 @@ class Samples:
     """Bias that conditioning took off, rad/s, shape (n, 3); None where it took none."""
     rest: NDArray[np.bool_] | None = None
     """Where the body is at rest, shape (n,); None where that was not looked for."""
+    sensors: Sensors = Sensors()
+    """The sensors' own errors."""
 
 
 def segments(samples: Samples) -> Iterator[slice]:

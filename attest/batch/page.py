@@ -17,6 +17,7 @@ from attest.batch.histogram import histogram
 from attest.batch.rows import Row
 from attest.batch.summary import flat
 from attest.files import replacing
+from attest.report.html import FOOT, head, utf8
 
 MOST = 2000
 """Rows that a browser sorts at once; the summary has them all."""
@@ -35,40 +36,6 @@ COLUMNS: Mapping[str, str] = {
     "duration_s": "length s",
     "warnings_count": "warnings",
 }
-STYLE = """
-body { font: 14px/1.4 system-ui, sans-serif; margin: 2em; color: #222; background: #fff }
-table { border-collapse: collapse }
-th, td { padding: .25em .6em; border-bottom: 1px solid #ddd; text-align: left; vertical-align: top }
-th { cursor: pointer; position: sticky; top: 0; background: #f4f4f4; white-space: nowrap }
-td.n { text-align: right; font-variant-numeric: tabular-nums }
-td.path { overflow-wrap: anywhere; min-width: 14em }
-tr.bad td { background: #fff0ee }
-small { color: #666 }
-figure { display: inline-block; margin: 0 2em 1em 0 }
-figcaption { font-weight: 600 }
-svg text { font: 10px system-ui, sans-serif; fill: #444 }
-"""
-SCRIPT = """
-function key(row, i) {
-  const value = row.cells[i].dataset.v;
-  return value === undefined || value === '' ? null : isNaN(value) ? value : Number(value);
-}
-function order(a, b) {
-  if (a === null || b === null) return (a === null) - (b === null);
-  if (typeof a !== typeof b) { a = String(a); b = String(b); }
-  return a < b ? -1 : a > b ? 1 : 0;
-}
-document.querySelectorAll('th').forEach(head => head.addEventListener('click', () => {
-  const body = document.querySelector('tbody'), i = head.cellIndex;
-  const up = head.dataset.up === '1' ? -1 : 1;
-  head.dataset.up = up;
-  Array.from(body.rows)
-    .map(row => [key(row, i), row])
-    .sort((a, b) => a[0] === null || b[0] === null ? order(a[0], b[0]) : up * order(a[0], b[0]))
-    .forEach(pair => body.appendChild(pair[1]));
-}));
-"""
-POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 
 
 @dataclass(slots=True)
@@ -113,22 +80,18 @@ def _page(seen: Seen) -> Iterator[str]:
     worst = nsmallest(MOST, seen.worst, key=_best_last)
     total = sum(seen.statuses.values())
     counts = ", ".join(f"{n:,} {escape(status)}" for status, n in sorted(seen.statuses.items()))
-    yield (
-        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>attest batch</title>'
-        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
-        f"<style>{STYLE}</style></head><body><h1>attest batch</h1><p>{total:,} runs: {counts}."
-    )
+    yield f"{head('attest batch')}<p>{total:,} runs: {counts}."
     yield ' All of them: <a href="summary.csv">CSV</a>, <a href="summary.parquet">Parquet</a>.</p>'
     for (observer, error), values in sorted(seen.errors.items(), key=lambda item: _place(item[0])):
         title = f"{observer}: {error} error, RMSE of {len(values):,} logs"
-        yield f"<figure><figcaption>{escape(_utf8(title))}</figcaption>{histogram(values)}</figure>"
+        yield f"<figure><figcaption>{escape(utf8(title))}</figcaption>{histogram(values)}</figure>"
     yield f"<h2>{_title(len(worst), total)}</h2>"
     heads = "".join(f"<th>{head}</th>" for head in (*COLUMNS.values(), "results"))
     yield f"<table><thead><tr>{heads}</tr></thead><tbody>\n"
     base = common([str(Path(row["path"]).parent) for row in worst])
     for row in worst:
         yield _line(row, base)
-    yield f"</tbody></table><script>{SCRIPT}</script></body></html>\n"
+    yield f"</tbody></table>{FOOT}"
 
 
 def _title(shown: int, total: int) -> str:
@@ -149,7 +112,7 @@ def _best_last(row: Row) -> tuple[bool, bool, float]:
 def _line(row: Row, base: str | None) -> str:
     values = flat(row)
     cells = [_cell(name, values[name]) for name in COLUMNS if name != "path"]
-    path = escape(_utf8(row["path"] if base is None else os.path.relpath(row["path"], base)))
+    path = escape(utf8(row["path"] if base is None else os.path.relpath(row["path"], base)))
     error = values["error"] or values["warnings"]
     more = f"<br><small>{escape(error)}</small>" if error else ""
     links = " ".join(_link(row["folder"], name) for name in row["outputs"])
@@ -170,9 +133,4 @@ def _cell(name: str, value: object) -> str:
 
 def _link(folder: str, name: str) -> str:
     place = quote(os.fsencode(Path(folder, name).as_posix()))  # a name need not be UTF-8
-    return f'<a href="./{place}">{escape(_utf8(Path(name).suffix[1:]))}</a>'
-
-
-def _utf8(text: str) -> str:
-    """Return a text as UTF-8 can hold it."""
-    return text.encode("utf-8", "backslashreplace").decode("utf-8")
+    return f'<a href="./{place}">{escape(utf8(Path(name).suffix[1:]))}</a>'

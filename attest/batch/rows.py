@@ -17,6 +17,12 @@ ERRORS = tuple(
     for figure in ("rmse", "mean", "median", "p95", "max")
 )
 TEXTS = ("path", "observer", "sha256", "status", "error", "format", "vehicle", "began_utc")
+VECTORS: Mapping[str, tuple[str, ...]] = {
+    "gyro_bias": ("gyro_bias_x", "gyro_bias_y", "gyro_bias_z"),
+    "hard_iron_ut": ("hard_iron_x_ut", "hard_iron_y_ut", "hard_iron_z_ut"),
+    "gyro_scale": ("gyro_scale_x", "gyro_scale_y", "gyro_scale_z"),
+}
+"""The columns of what has axes."""
 RATES = ("gyro_hz", "accel_hz", "mag_hz")
 FIGURES = (
     *ERRORS,
@@ -26,13 +32,16 @@ FIGURES = (
     "after_settling_rmse_deg",
     "time_offset_s",
     "misalignment_deg",
-    "gyro_bias_x",
-    "gyro_bias_y",
-    "gyro_bias_z",
+    *VECTORS["gyro_bias"],
     "bias_error",
     "s_norm_rms",
     "cost_mean",
     "field_ut_median",
+    "field_ut_model",
+    *VECTORS["hard_iron_ut"],
+    "soft_iron",
+    "mag_latency_s",
+    *VECTORS["gyro_scale"],
 )
 STAGES = ("reading_s", "smoothing_s", "conditioning_s", "observing_s", "evaluating_s")
 TIMING = (*STAGES, "writing_s", "total_s")
@@ -46,12 +55,14 @@ COLUMNS: Mapping[str, str] = {
     "reference_kind": "text",
     "scored": "int",
     **dict.fromkeys(FIGURES, "float"),
+    "iron": "text",
     "promises_kept": "int",
     "promises_broken": "int",
     "warnings_count": "int",
     "warnings": "text",
     "folder": "text",
     "outputs": "text",
+    "version": "text",
     **dict.fromkeys(TIMING, "float"),
 }
 """The columns of the summary, and what is in them."""
@@ -121,18 +132,28 @@ def _figures(summary: Mapping[str, Any]) -> Row:
     """Return reference, errors and what holds without one."""
     metrics, consistency = summary["metrics"] or {}, summary["consistency"]
     reference = summary["reference"] or {}
-    bias = summary["estimates"]["gyro_bias"] or (None, None, None)
+    sensors = summary["sensors"] | {"gyro_bias": summary["estimates"]["gyro_bias"]}
+    soft = sensors["soft_iron"]
     held = [claim["holds"] for claim in summary["attestation"]]
     figures = {**metrics, **consistency, **dict(_flat(metrics))}
-    figures |= dict(zip(("gyro_bias_x", "gyro_bias_y", "gyro_bias_z"), bias, strict=True))
+    figures["mag_latency_s"] = sensors["mag_latency_s"]
+    for name, columns in VECTORS.items():
+        figures |= dict(zip(columns, sensors[name] or (None, None, None), strict=True))
+    figures["soft_iron"] = None if soft is None else _most_of(soft)
     return {
         "reference": reference.get("name"),
         "reference_kind": reference.get("kind"),
         "scored": metrics.get("scored"),
         **{key: figures.get(key) for key in FIGURES},
+        "iron": sensors["iron"],
         "promises_kept": held.count(True),
         "promises_broken": held.count(False),
     }
+
+
+def _most_of(soft: Sequence[Sequence[float]]) -> float:
+    """Return the most by which soft iron is not the identity."""
+    return max(abs(soft[i][j] - (i == j)) for i in range(3) for j in range(3))
 
 
 def _flat(metrics: Mapping[str, Any]) -> Iterator[tuple[str, float]]:

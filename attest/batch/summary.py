@@ -58,10 +58,10 @@ def _write(rows: Iterator[dict[str, Any]], table: Path, parquet: Path) -> None:
         table.open("w", encoding="utf-8", newline="") as file,
         pyarrow.parquet.ParquetWriter(parquet, schema, compression="zstd") as writer,
     ):
-        cells = csv.writer(file)  # its line ends, of RFC 4180, make it quote a lone \r too
-        cells.writerow(COLUMNS)
+        lines = csv.writer(file)  # its line ends, of RFC 4180, make it quote a lone \r too
+        lines.writerow(COLUMNS)
         for some in _some(rows):
-            cells.writerows(map(_cells, some))
+            lines.writerows(map(cells, some))
             writer.write_table(pyarrow.Table.from_pylist(some, schema))
 
 
@@ -70,7 +70,7 @@ def _some(rows: Iterator[dict[str, Any]]) -> Iterator[list[dict[str, Any]]]:
         yield some
 
 
-def _cells(row: Mapping[str, Any]) -> list[object]:
+def cells(row: Mapping[str, Any]) -> list[object]:
     """Return a row's cells; a text that a spreadsheet would run is quoted, as people do it."""
     return [
         f"'{value}" if isinstance(value, str) and value.startswith(FORMULA) else value

@@ -15,6 +15,7 @@ from attest.cli.batch import batch
 from attest.cli.calibrate import calibrate
 from attest.cli.compare import compare
 from attest.cli.config import configuration
+from attest.cli.fleet import fleet
 from attest.cli.info import info
 from attest.cli.observers import list_observers
 from attest.cli.reproduce import reproduce
@@ -92,6 +93,7 @@ COMMANDS = (
     run,
     compare,
     batch,
+    fleet,
     tune,
     calibrate,
     info,

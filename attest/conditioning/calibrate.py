@@ -30,10 +30,6 @@ from attest.recording import Recording
 Array = NDArray[np.float64]
 C = TypeVar("C", bound=Configuration)
 
-KNOWN = 0.1
-"""Share of a deviation of before, below which something is known; the scale of one gyroscope is
-another by 0.2 of it from log to log."""
-
 
 def calibrate(recording: Recording, config: Configuration) -> dict[str, Any]:
     """Return what is told of each sensor, and the keys of `conditioning` that say it.
@@ -107,12 +103,12 @@ def _gyroscope(known: Array | None, config: Conditioning, why: str) -> dict[str,
     bias, scale = x[:3], x[3:].reshape(3, 3)
     keys: dict[str, Any] = {}
     told = []
-    if (std[:3] < KNOWN * prior.bias_std).all():
+    if (std[:3] < gyroscope.KNOWN * prior.bias_std).all():
         keys |= {"bias": _plain(bias, 6), "bias_std": _most(std[:3])}
         told.append(f"bias {_spell(np.rad2deg(bias), np.rad2deg(std[:3]), 2)} °/s at the end")
     else:
         told.append(f"bias not told, for want of rest, and {why}")
-    sure = (std[3:] < KNOWN * prior.scale_std).reshape(3, 3)
+    sure = (std[3:] < gyroscope.KNOWN * prior.scale_std).reshape(3, 3)
     if sure.diagonal().all():
         # an entry that this log hardly tells would be noise in another
         scale = np.where(sure, scale, 0.0)
@@ -149,7 +145,7 @@ def _magnetometer(recording: Recording, line: Timeline, config: Conditioning) ->
     signal, _ = usable(recording.signals["mag"])
     if not len(signal.t):
         return {"told": "not told: it has no sample with a direction"}
-    signal, told = timed(line, signal, config)
+    signal, _, told = timed(line, signal, config)
     before = []
     if "accel" in recording.signals and len(usable(recording.signals["accel"])[0].t):
         force, _ = usable(recording.signals["accel"])

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from attest.conditioning import frame, points
 from attest.conditioning.accelerometer import accelerometer, corrected
 from attest.conditioning.gyroscope import rates as gyroscope_rates
+from attest.conditioning.gyroscope import scale_of
 from attest.conditioning.magnetometer import magnetometer
 from attest.conditioning.measured import Measured, any_usable, carried, usable
 from attest.conditioning.rest import rest, unturned
@@ -25,7 +26,7 @@ from attest.conditioning.timeline import (
 from attest.config import Conditioning, Configuration, PointsConfiguration, Vector
 from attest.errors import ConfigError, ReadError
 from attest.recording import Note, Recording, seconds
-from attest.samples import Samples
+from attest.samples import Samples, Sensors
 
 Array = NDArray[np.float64]
 
@@ -76,6 +77,10 @@ def condition(recording: Recording, config: Configuration) -> tuple[Samples, tup
         torque=torque,
         field=found["mag"].field if "mag" in found else None,
         rest=_rest(recording, line, vectors, config.conditioning),
+        sensors=replace(
+            (found["mag"].sensors if "mag" in found else None) or Sensors(),
+            gyro_scale=scale_of(rates.known, config.conditioning),
+        ),
     )
     return samples, (*notes, *_unobservable(samples.names, recording))
 

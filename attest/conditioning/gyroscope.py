@@ -17,6 +17,9 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 AXES = "xyz"
+KNOWN = 0.1
+"""Share of a deviation of before, below which something is known; the scale of one gyroscope is
+another by 0.2 of it from log to log."""
 UNKNOWN = 0.5
 """Share of the deviation of before, above which a bias is hardly known."""
 
@@ -60,6 +63,15 @@ def rates(
     over[divided] = at[divided]
     frame.cone(times_since(gyro.t, restart), at, divided, over, mean)
     return replace(corrected, over=over, mean=mean), notes
+
+
+def scale_of(known: Array | None, config: Conditioning) -> Array | None:
+    """Return the scale of each axis, shape (3,), NaN where the log does not tell it."""
+    if known is None:
+        return None
+    scale, std = (np.diag(row[3:].reshape(3, 3)) for row in known)
+    told = std < KNOWN * config.gyroscope.scale_std
+    return np.where(told, scale, np.nan) if told.any() else None
 
 
 def resting(recording: Recording, gyro: Signal, restart: Mask) -> tuple[Array, Mask] | None:

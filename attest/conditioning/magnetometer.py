@@ -11,6 +11,7 @@ from attest.conditioning.timeline import SECOND, Timeline
 from attest.config import Conditioning, Iron
 from attest.errors import ReadError
 from attest.recording import Note, Recording, Signal, World
+from attest.samples import Sensors
 
 Array = NDArray[np.float64]
 
@@ -27,43 +28,58 @@ def magnetometer(
     config: Conditioning,
 ) -> tuple[Measured, list[Note]]:
     """Put the magnetometer at its right time, and find the field in the world."""
-    signal, notes = timed(line, signal, config)
-    signal, told = calibrated(line, signal, before, config)
+    signal, late, notes = timed(line, signal, config)
+    signal, sensors, told = calibrated(line, signal, before, config)
     notes += told
     body = carried(line, signal, np.array([[1.0, 0.0, 0.0]]), config)
     model = None if reference == "north" else magnetic.field(recording)
     dip = _dip_of_log(body, before, recording.world)
     known, told = _direction(recording, dip, model, reference)
-    field_w = None if model is None else model[0]
-    return Measured(body.body, known[np.newaxis], body.valid, body.length, field_w), notes + told
+    measured = replace(
+        body,
+        inertial=known[np.newaxis],
+        field=None if model is None else model[0],
+        sensors=replace(sensors, mag_latency_s=late),
+    )
+    return measured, notes + told
 
 
-def timed(line: Timeline, signal: Signal, config: Conditioning) -> tuple[Signal, list[Note]]:
-    """Put the magnetometer at its right time."""
+def timed(line: Timeline, signal: Signal, config: Conditioning) -> tuple[Signal, float, list[Note]]:
+    """Put the magnetometer at its right time; return also how late it was, s."""
     late = config.magnetometer.latency_s
     if late is None:
         late = latency.find(line.t, line.D, signal.t, signal.y)
     if late <= 0.0:
-        return signal, []
+        return signal, 0.0, []
     text = f"magnetometer {1e3 * late:.0f} ms late against the gyroscope: put right"
-    return Signal(signal.t - round(late * SECOND), signal.y, signal.source), [Note(text)]
+    return Signal(signal.t - round(late * SECOND), signal.y, signal.source), late, [Note(text)]
 
 
 def calibrated(
     line: Timeline, signal: Signal, before: list[Measured], config: Conditioning
-) -> tuple[Signal, list[Note]]:
+) -> tuple[Signal, Sensors, list[Note]]:
     """Take hard and soft iron off, as given or as far as the log tells them."""
     wanted = config.magnetometer.calibrate
     if isinstance(wanted, Iron):
         told = iron.Iron(np.array(wanted.hard_iron) / calibration.MICRO, np.array(wanted.soft_iron))
         note = calibration.given(iron.field(line, signal, vertical(before)), told)
-        return replace(signal, y=told.off(signal.y)), [note]
+        sensors = Sensors(hard_iron=told.hard, soft_iron=told.soft, iron="given")
+        return replace(signal, y=told.off(signal.y)), sensors, [note]
     if wanted != "auto":
-        return signal, []
+        return signal, Sensors(), []
     verdict = calibration.judge(iron.field(line, signal, vertical(before)))
-    if isinstance(verdict, str) or verdict.against:
-        return signal, [calibration.note(verdict)]
-    return replace(signal, y=verdict.iron.off(signal.y)), [calibration.note(verdict)]
+    notes = [calibration.note(verdict)]
+    if isinstance(verdict, str):
+        return signal, Sensors(), notes
+    hard = np.where(np.isfinite(verdict.deviation), verdict.iron.hard, np.nan)
+    sensors = Sensors(hard_iron=hard, soft_iron=verdict.iron.soft, iron="found")
+    if verdict.against:
+        return signal, sensors, notes
+    return (
+        replace(signal, y=verdict.iron.off(signal.y)),
+        replace(sensors, iron="applied"),
+        notes,
+    )
 
 
 def vertical(before: list[Measured]) -> Measured | None:

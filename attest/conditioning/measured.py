@@ -10,6 +10,7 @@ from attest.conditioning.rows import count_between, largest, split
 from attest.conditioning.timeline import SECOND, Timeline
 from attest.config import Conditioning
 from attest.recording import Note, Signal
+from attest.samples import Sensors
 
 Array = NDArray[np.float64]
 
@@ -29,6 +30,8 @@ class Measured:
     """Of the measured vector in its own unit, shape (n,)."""
     field: Array | None = None
     """Of a magnetometer, the model's field in the world, tesla, shape (3,)."""
+    sensors: Sensors | None = None
+    """Of a magnetometer, its own errors."""
 
 
 def any_usable(signal: Signal) -> bool:

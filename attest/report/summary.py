@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import attest
 from attest.errors import ReadError
@@ -16,6 +17,7 @@ from attest.geometry import quaternion
 from attest.metrics import Metrics, Statistics
 from attest.report.info import describe, notes
 from attest.result import Result
+from attest.samples import Samples
 
 LIBRARIES = ("numpy", "numba", "pymavlink", "mcap", "rerun-sdk")
 
@@ -41,6 +43,7 @@ def summarise(result: Result, timing: Mapping[str, float]) -> dict[str, Any]:
         },
         "metrics": None if result.metrics is None else _metrics(result.metrics),
         "consistency": _consistency(result),
+        "sensors": _sensors(result),
         "disturbance_torque": _disturbance(result),
         "attestation": [asdict(claim) for claim in result.claims],
         **notes(result.notes),
@@ -114,6 +117,39 @@ def _consistency(result: Result) -> dict[str, Any]:
         figures["field_ut_median"] = None if alone else float(np.median(norm))
         figures["field_ut_spread"] = None if alone else spread
     return figures | _against_model(result)
+
+
+def _sensors(result: Result) -> dict[str, Any]:
+    """Return the sensors' own errors, with those that the observer found besides."""
+    found, constants = result.samples.sensors, result.estimates.constants
+    scale, hard, iron = found.gyro_scale, found.hard_iron, found.iron
+    if scale is None and "gyro_scale" in constants:
+        scale = np.diag(constants["gyro_scale"])
+    if hard is None and "hard_iron" in constants:  # as a share of the field
+        hard, iron = _usual(result.samples) * constants["hard_iron"], "applied"
+    return {
+        "gyro_scale": _numbers(scale),
+        "mag_latency_s": found.mag_latency_s,
+        "hard_iron_ut": None if hard is None else _numbers(1e6 * hard),
+        "soft_iron": None if found.soft_iron is None else found.soft_iron.tolist(),
+        "iron": None if hard is None else iron,
+    }
+
+
+def _usual(samples: Samples) -> float:
+    """Return the field's usual length, tesla; NaN where the log has none."""
+    if samples.length is None or "mag" not in samples.names:
+        return np.nan
+    column = samples.names.index("mag")
+    seen = samples.length[samples.valid[:, column], column]
+    return float(np.median(seen)) if len(seen) else np.nan
+
+
+def _numbers(values: NDArray[np.float64] | None) -> list[float | None] | None:
+    """Return numbers as JSON has them, or None where there is none."""
+    if values is None or not np.isfinite(values).any():
+        return None
+    return [value if np.isfinite(value) else None for value in values.tolist()]
 
 
 def _disturbance(result: Result) -> dict[str, Any] | None:
