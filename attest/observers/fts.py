@@ -23,10 +23,10 @@ from attest.claims import Claim
 from attest.config import Configuration, Section, Weights
 from attest.estimates import Estimates
 from attest.geometry import mat3, so3, wahba
-from attest.geometry.jit import kernel
+from attest.geometry.jit import inlined, kernel
 from attest.geometry.mat3 import Matrix
 from attest.geometry.so3 import Quaternion, Vector
-from attest.observers.hoelder import power, turned
+from attest.observers.hoelder import Powers, powers, tabled, turned
 from attest.observers.observer import (
     COLUMNS,
     Observer,
@@ -81,23 +81,29 @@ class Config(Configuration):
     weights: Weights = Weights(k=(1.2, 1.0, 30.0))
 
 
-@kernel
+@inlined
 def derivatives(
-    s: Vector, w: Vector, omega: Vector, gains: Numbers
+    s: Vector, w: Vector, omega: Vector, gains: Numbers, table: Powers
 ) -> tuple[Vector, Vector, Vector]:
     """Return beta_hat', omega' and Psi from the residual s = s_L and its rate w = w_L."""
     k_p, k_v, kappa, mu, a, k_b = gains
-    slope = power(s, a)
+    slope = tabled(s, table)
     Psi = so3.sub(omega, so3.scale(kappa * slope, s))  # (46), (47)
     beta_dot = so3.scale(k_p / k_b, s)  # (50)
-    pull = so3.sub(so3.scale(k_p, s), so3.scale(k_v * power(Psi, a), Psi))
+    pull = so3.sub(so3.scale(k_p, s), so3.scale(k_v * tabled(Psi, table), Psi))
     follow = so3.scale(mu * kappa * slope, turned(s, w, a))  # (52)
     return beta_dot, so3.scale(1.0 / mu, so3.add(pull, follow)), Psi  # (51)
 
 
-@kernel
+@inlined
 def step(
-    state: State, Omega_m: Vector, L: Matrix, constant: float, h: float, gains: Numbers
+    state: State,
+    Omega_m: Vector,
+    L: Matrix,
+    constant: float,
+    h: float,
+    gains: Numbers,
+    table: Powers,
 ) -> tuple[State, float, float, float]:
     """Advance the state by h, all right sides at its beginning, (92)-(95).
 
@@ -113,7 +119,7 @@ def step(
     Omega_hat = so3.sub(Omega_b, omega)
     B = mat3.matmul(mat3.transpose(so3.matrix(q)), L)
     s, w = wahba.residual(B), wahba.residual_rate(B, Omega_hat, Omega_b)  # (48)
-    beta_dot, omega_dot, Psi = derivatives(s, w, omega, gains)
+    beta_dot, omega_dot, Psi = derivatives(s, w, omega, gains, table)
     after = (
         so3.multiply(q, so3.exp(so3.scale(h, Omega_hat))),  # (92)
         so3.add(omega, so3.scale(h, omega_dot)),  # (93)
@@ -149,17 +155,18 @@ def run(
     out : shape (n, 13)
         q (4), Omega_hat (3), beta_hat (3), |s_L|, U, |Psi|.
     """
+    table = powers(gains[4])
     state = start
     for i in range(len(h)):
         q, omega, beta = state
         Omega_m, L_i = mean_rate(gyro, i, 0, substeps[i]), mat3.matrix_row(L, i)
-        state, s_norm, cost, psi_norm = step(state, Omega_m, L_i, L[i, 9], h[i], gains)
+        state, s_norm, cost, psi_norm = step(state, Omega_m, L_i, L[i, 9], h[i], gains, table)
         Omega_hat = so3.sub(so3.sub(so3.row(gyro, i), beta), omega)
         record(out, i, q, Omega_hat, beta, s_norm, cost)
         out[i, 12] = psi_norm
         for j in range(1, substeps[i]):
             Omega_m, L_j = mean_rate(gyro, i, j, substeps[i]), between(L, i, j, substeps[i])
-            state, _, _, _ = step(state, Omega_m, L_j, 0.0, h[i], gains)
+            state, _, _, _ = step(state, Omega_m, L_j, 0.0, h[i], gains, table)
 
 
 def estimate(samples: Samples, config: Config) -> Estimates:
