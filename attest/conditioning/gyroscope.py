@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from attest.conditioning import drift, frame, gyroscope_errors, smoothing
+from attest.conditioning import drift, drift_sums, frame, gyroscope_errors, smoothing
 from attest.conditioning.measured import usable
 from attest.conditioning.rest import BIAS
 from attest.conditioning.rested import rested
@@ -114,7 +114,7 @@ def unfit(recording: Recording, gyro: Signal, h: Array, max_step: float) -> str 
     """
     if "velocity" in recording.signals:  # a vehicle's, whose turns and climbs do not cancel
         return "as gravity is no mean of a vehicle's force, and the log has a velocity"
-    if smoothing.longest_memory(h, gyro.y, max_step) < drift.WINDOW:
+    if smoothing.longest_memory(h, gyro.y, max_step) < drift_sums.WINDOW:
         return "as the gyroscope is too slow for its motion"
     return None
 
