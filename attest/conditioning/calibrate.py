@@ -60,8 +60,9 @@ def calibrate(recording: Recording, config: Configuration) -> dict[str, Any]:
     substeps, slow = substeps_of(gyro.t, restart, how.max_step_s)
     told = [*recording.notes, *cut, *gaps, *slow]
     rates, _ = gyroscope.rates(recording, gyro, restart, substeps, how)
-    still = gyroscope.resting(recording, gyro, restart)
-    why = gyroscope.unfit(recording, gyro, times_since(gyro.t, restart), how.max_step_s)
+    h = times_since(gyro.t, restart)
+    still = gyroscope.resting(recording, gyro, restart, h)
+    why = gyroscope.unfit(recording, gyro, h, how.max_step_s)
     found = {
         "gyroscope": _gyroscope(rates.known, how, why or "for want of turns"),
         "accelerometer": _accelerometer(None if still is None else attitudes.find(*still)),

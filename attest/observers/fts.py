@@ -31,6 +31,7 @@ from attest.observers.observer import (
     COLUMNS,
     Observer,
     between,
+    blocks,
     estimates,
     gain_matrices,
     gyro_noise,
@@ -137,23 +138,28 @@ def run(
     start: State,
     gains: Numbers,
     out: Array,
-) -> None:
+) -> State:
     """Fold (92)-(95) over the steps, right sides at each step; rows of out are the state before it.
 
     Parameters
     ----------
     h, substeps : shape (n,)
         Length of each sub-step, s, and how many of them a step has.
-    gyro : shape (n, 3)
-        Measured rate, rad/s.
-    L : shape (n, 10)
-        From `attest.geometry.wahba.gain_matrices`.
+    gyro : shape (n, 3) or (n + 1, 3)
+        Measured rate, rad/s; with that of the step to come, if there is one.
+    L : shape (n, 10) or (n + 1, 10)
+        From `attest.geometry.wahba.gain_matrices`, alike.
     start
         Tuples q, omega and beta_hat.
     gains
         k_p, k_v, kappa, mu, a and k_b.
     out : shape (n, 13)
         q (4), Omega_hat (3), beta_hat (3), |s_L|, U, |Psi|.
+
+    Returns
+    -------
+    State
+        After the last step.
     """
     table = powers(gains[4])
     state = start
@@ -167,6 +173,7 @@ def run(
         for j in range(1, substeps[i]):
             Omega_m, L_j = mean_rate(gyro, i, j, substeps[i]), between(L, i, j, substeps[i])
             state, _, _, _ = step(state, Omega_m, L_j, 0.0, h[i], gains, table)
+    return state
 
 
 def estimate(samples: Samples, config: Config) -> Estimates:
@@ -177,12 +184,15 @@ def estimate(samples: Samples, config: Config) -> Estimates:
     out = np.empty((len(samples.t), COLUMNS + 1))
     beta = np.array(config.initial.bias)
     for part in segments(samples):
-        gyro = samples.gyro[part]
         q = initial_attitude(samples, part, config.initial)
-        omega = initial_omega(gyro, part, config.initial, beta)
-        start = (so3.as_quaternion(q), so3.as_vector(omega), so3.as_vector(beta))
-        L = gain_matrices(samples, part, config.weights)
-        run(steps(samples, part), samples.substeps[part], gyro, L, start, numbers, out[part])
+        omega = initial_omega(samples.gyro[part], part, config.initial, beta)
+        state = (so3.as_quaternion(q), so3.as_vector(omega), so3.as_vector(beta))
+        h = steps(samples, part)
+        for block in blocks(part):
+            ahead = slice(block.start, min(block.stop + 1, part.stop))
+            L, gyro = gain_matrices(samples, ahead, config.weights), samples.gyro[ahead]
+            length = h[block.start - part.start : block.stop - part.start]
+            state = run(length, samples.substeps[block], gyro, L, state, numbers, out[block])
         beta = out[part.stop - 1, 7:10]
     return estimates("fts", samples, out, states={"psi_norm": out[:, 12]})
 
