@@ -154,7 +154,8 @@ def _magnetometer(recording: Recording, line: Timeline, config: Conditioning) ->
     before = []
     if "accel" in recording.signals and len(usable(recording.signals["accel"])[0].t):
         force, _ = usable(recording.signals["accel"])
-        before = [accelerometer(recording, line, force, None, config)[0]]
+        into = np.empty((len(line.t), 3))
+        before = [accelerometer(recording, line, force, None, config, into)[0]]
     verdict = calibration.judge(iron.field(line, signal, vertical(before)))
     text = "; ".join(note.text for note in [*told, calibration.note(verdict)])
     document = {"told": text.replace("magnetometer: ", "").replace("magnetometer ", "")}

@@ -51,25 +51,29 @@ def condition(recording: Recording, config: Configuration) -> tuple[Samples, tup
     notes += told
     recording, line = apart(recording, replace(gyro, y=rates.at), rates.mean, restart)
     wanted = _vectors(recording, config)
-    found, told = _measured(recording, line, wanted, config.conditioning)
+    names = tuple(vector.signal for vector in wanted)
+    measured, body = (np.empty((len(names), len(gyro.t), 3)) for _ in range(2))
+    into = dict(zip(names, measured, strict=True))
+    found, told = _measured(recording, line, wanted, config.conditioning, into)
     notes += told
     torque, told = _torque(recording, line, config.conditioning)
     notes += told
-    smoothed, told = smooth(found, line, restart, rates.deviation, config.conditioning)
+    into = dict(zip(names, body, strict=True))
+    smoothed, told = smooth(found, line, restart, rates.deviation, config.conditioning, into)
     notes += told
-    vectors = [smoothed[vector.signal] for vector in wanted]
+    vectors = [smoothed[name] for name in names]
     samples = Samples(
         t=gyro.t,
         gyro=rates.over,
-        measured=_stack([found[vector.signal].body for vector in wanted], len(gyro.t)),
+        measured=_filled(measured, [found[name].body for name in names]),
         world=recording.world,
         mean=rates.mean,
         rate=rates.at,
         bias=rates.bias,
-        body=_stack([vector.body for vector in vectors], len(gyro.t)),
+        body=_filled(body, [vector.body for vector in vectors]),
         inertial=_stack([vector.inertial for vector in vectors], 1),
         valid=_valid(vectors, len(gyro.t)),
-        names=tuple(vector.signal for vector in wanted),
+        names=names,
         substeps=substeps,
         restart=restart,
         length=np.stack([v.length for v in vectors], axis=1) if vectors else None,
@@ -138,15 +142,21 @@ def _vectors(recording: Recording, config: Configuration) -> tuple[Vector, ...]:
 
 
 def _measured(
-    recording: Recording, line: Timeline, wanted: Sequence[Vector], config: Conditioning
+    recording: Recording,
+    line: Timeline,
+    wanted: Sequence[Vector],
+    config: Conditioning,
+    into: dict[str, Array],
 ) -> tuple[dict[str, Measured], list[Note]]:
-    """Bring the vectors to the timeline, by their signals."""
+    """Bring the vectors to the timeline, by their signals, into arrays (n, 3)."""
     found: dict[str, Measured] = {}
     notes = []
     # the magnetometer last: its dip may be told by any of the others
     for vector in sorted(wanted, key=lambda vector: vector.signal == "mag"):
         before = list(found.values())
-        found[vector.signal], told = _measure(recording, line, vector, before, config)
+        found[vector.signal], told = _measure(
+            recording, line, vector, before, config, into[vector.signal]
+        )
         notes += told
     return found, notes
 
@@ -157,6 +167,7 @@ def _measure(
     vector: Vector,
     before: list[Measured],
     config: Conditioning,
+    into: Array,
 ) -> tuple[Measured, list[Note]]:
     """Bring one vector to the timeline and find what it is in the world."""
     signal, notes = usable(recording.require(vector.signal))
@@ -168,12 +179,12 @@ def _measure(
     reference = vector.reference
     if isinstance(reference, tuple):
         known = np.array([reference])
-        measured = carried(line, signal, known, config)
+        measured = carried(line, signal, known, config, into)
     elif vector.signal == "accel" and reference in {None, "gravity", "specific_force"}:
-        measured, told = accelerometer(recording, line, signal, reference, config)
+        measured, told = accelerometer(recording, line, signal, reference, config, into)
         notes += told
     elif vector.signal == "mag" and reference in {None, "magnetic", "north"}:
-        measured, told = magnetometer(recording, line, signal, reference, before, config)
+        measured, told = magnetometer(recording, line, signal, reference, before, config, into)
         notes += told
     else:
         raise ConfigError(
@@ -185,6 +196,14 @@ def _measure(
         text = f"step without a sample of {vector.signal!r} within {config.max_age_s:g} s"
         notes.append(Note(text, stale, doubt=stale > 0.1 * len(line.t)))
     return measured, notes
+
+
+def _filled(stack: Array, vectors: list[Array]) -> Array:
+    """Put vectors (n, 3) into a stack (k, n, 3) unless they are there; return it as (n, k, 3)."""
+    for its, v in zip(stack, vectors, strict=True):
+        if not np.may_share_memory(its, v):
+            its[:] = v
+    return stack.transpose(1, 0, 2)
 
 
 def _stack(vectors: list[Array], rows: int) -> Array:
