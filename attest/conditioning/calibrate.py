@@ -12,7 +12,7 @@ from attest.conditioning.accelerometer import accelerometer
 from attest.conditioning.calibration import MICRO, Verdict
 from attest.conditioning.magnetometer import timed, vertical
 from attest.conditioning.measured import usable
-from attest.conditioning.rows import times_since
+from attest.conditioning.rows import times_since, together
 from attest.conditioning.timeline import Timeline, apart, restarts, substeps_of
 from attest.conditioning.timeline import gyroscope as cut_gyroscope
 from attest.config import (
@@ -59,7 +59,9 @@ def calibrate(recording: Recording, config: Configuration) -> dict[str, Any]:
     restart, gaps = restarts(recording, gyro.t, how)
     substeps, slow = substeps_of(gyro.t, restart, how.max_step_s)
     told = [*recording.notes, *cut, *gaps, *slow]
-    rates, _ = gyroscope.rates(recording, gyro, restart, substeps, how)
+    at, bias, deviation, over = together(*gyroscope.shapes(len(gyro.t)))
+    into = (at, bias, deviation, over)
+    rates, _ = gyroscope.rates(recording, gyro, restart, substeps, how, into)
     h = times_since(gyro.t, restart)
     still = gyroscope.resting(recording, gyro, restart, h)
     why = gyroscope.unfit(recording, gyro, h, how.max_step_s)

@@ -6,22 +6,21 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from attest.conditioning import frame, points
+from attest.conditioning import frame, gyroscope, points
 from attest.conditioning.accelerometer import accelerometer, corrected
-from attest.conditioning.gyroscope import rates as gyroscope_rates
 from attest.conditioning.magnetometer import magnetometer
 from attest.conditioning.measured import Measured, any_usable, carried, usable
 from attest.conditioning.rest import rest, unturned
-from attest.conditioning.rows import place
+from attest.conditioning.rows import place, together
 from attest.conditioning.smoothing import smooth
 from attest.conditioning.timeline import (
     SECOND,
     Timeline,
     apart,
-    gyroscope,
     restarts,
     substeps_of,
 )
+from attest.conditioning.timeline import gyroscope as cut_gyroscope
 from attest.config import Conditioning, Configuration, PointsConfiguration, Vector
 from attest.errors import ConfigError, ReadError
 from attest.recording import Note, Recording, seconds
@@ -43,24 +42,21 @@ def condition(recording: Recording, config: Configuration) -> tuple[Samples, tup
     if isinstance(config, PointsConfiguration) and points.apply(recording, config):
         return points.condition(recording, config)
     recording = corrected(recording, config.conditioning)
-    gyro, notes = gyroscope(recording, config)
+    gyro, notes = cut_gyroscope(recording, config)
     restart, gaps = restarts(recording, gyro.t, config.conditioning)
     substeps, slow = substeps_of(gyro.t, restart, config.conditioning.max_step_s)
     notes += gaps + slow
-    rates, told = gyroscope_rates(recording, gyro, restart, substeps, config.conditioning)
-    notes += told
-    recording, line = apart(recording, replace(gyro, y=rates.at), rates.mean, restart)
     wanted = _vectors(recording, config)
     names = tuple(vector.signal for vector in wanted)
-    measured, body = (np.empty((len(names), len(gyro.t), 3)) for _ in range(2))
-    into = dict(zip(names, measured, strict=True))
-    found, told = _measured(recording, line, wanted, config.conditioning, into)
+    room, measured, body = _room(len(gyro.t), len(names))
+    rates, told = gyroscope.rates(recording, gyro, restart, substeps, config.conditioning, room)
     notes += told
-    torque, told = _torque(recording, line, config.conditioning)
-    notes += told
-    into = dict(zip(names, body, strict=True))
-    smoothed, told = smooth(found, line, restart, rates.deviation, config.conditioning, into)
-    notes += told
+    recording, line = apart(recording, replace(gyro, y=rates.at), rates.mean, restart)
+    found, told = _measured(recording, line, wanted, config.conditioning, measured)
+    torque, pushed = _torque(recording, line, config.conditioning)
+    own = dict(zip(names, body, strict=True))
+    smoothed, passed = smooth(found, line, restart, rates.deviation, config.conditioning, own)
+    notes += [*told, *pushed, *passed]
     vectors = [smoothed[name] for name in names]
     samples = Samples(
         t=gyro.t,
@@ -82,6 +78,13 @@ def condition(recording: Recording, config: Configuration) -> tuple[Samples, tup
         rest=_rest(recording, line, vectors, config.conditioning),
     )
     return samples, (*notes, *_unobservable(samples.names, recording))
+
+
+def _room(n: int, k: int) -> tuple[gyroscope.Room, Array, Array]:
+    """Return the arrays for the rates, and stacks (k, n, 3) for vectors measured and smoothed."""
+    vectors = (k, n, 3)
+    at, bias, deviation, over, *stacks = together(*gyroscope.shapes(n), vectors, vectors)
+    return (at, bias, deviation, over), stacks[0], stacks[1]
 
 
 def _rest(
@@ -146,9 +149,10 @@ def _measured(
     line: Timeline,
     wanted: Sequence[Vector],
     config: Conditioning,
-    into: dict[str, Array],
+    stack: Array,
 ) -> tuple[dict[str, Measured], list[Note]]:
-    """Bring the vectors to the timeline, by their signals, into arrays (n, 3)."""
+    """Bring the vectors to the timeline, by their signals, into a stack (k, n, 3)."""
+    into = {vector.signal: its for vector, its in zip(wanted, stack, strict=True)}
     found: dict[str, Measured] = {}
     notes = []
     # the magnetometer last: its dip may be told by any of the others

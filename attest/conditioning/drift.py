@@ -140,6 +140,10 @@ def stay(window: Window, x: Array, P: Array, Omega_m: Vector, h: float) -> bool:
     return True
 
 
+Room = tuple[Array, Array, Array]
+"""Of rate, bias and deviation as found, shapes (n, 3), (n, 3) and (n,)."""
+
+
 class Followed(NamedTuple):
     """A gyroscope, corrected by what was known at each sample."""
 
@@ -212,11 +216,20 @@ def run(
 
 
 def follow(
-    h: Array, gyro: Array, force: Array, field: Array, rest: Mask, restart: Mask, known: Array
+    h: Array,
+    gyro: Array,
+    force: Array,
+    field: Array,
+    rest: Mask,
+    restart: Mask,
+    known: Array,
+    into: Room,
 ) -> Followed:
-    """Correct a gyroscope; parameters are those of `run`, and x and its deviations before."""
-    n, k = len(gyro), int(len(force) > 0) + int(len(field) > 0)
-    found = Followed(np.empty((n, 3)), np.empty((n, 3)), np.empty(n), known.copy())
+    """Correct a gyroscope into arrays of what is found.
+
+    Other parameters are those of `run`, and x and its deviations before.
+    """
+    k, found = int(len(force) > 0) + int(len(field) > 0), Followed(*into, known.copy())
     shapes = ((9, 4), (9, 4), (k, 3), (3, N), (k, 3), (2, N), 7, 1, 1, 3)
     window = Window(*[np.zeros(shape) for shape in shapes])
     window.variance[:], window.deviation[:] = DIRECTION_STD**2, known[1, :3].max()

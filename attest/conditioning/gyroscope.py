@@ -21,6 +21,10 @@ UNKNOWN = 0.5
 """Share of the deviation of before, above which a bias is hardly known."""
 
 
+Room = tuple[Array, Array, Array, Array]
+"""That of `drift`, and of the rate over each step."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Rates:
     """The gyroscope, corrected as far as is known at each sample."""
@@ -41,20 +45,30 @@ class Rates:
     """Of the bias, as it was known at each stamp, rad/s, shape (n,); None where nothing tells."""
 
 
+def shapes(n: int) -> list[tuple[int, ...]]:
+    """Return the shapes of a `Room` for a log of n samples."""
+    return [(n, 3), (n, 3), (n,), (n, 3)]
+
+
 def rates(
     recording: Recording,
     gyro: Signal,
     restart: Mask,
     substeps: NDArray[np.int64],
     config: Conditioning,
+    into: Room,
 ) -> tuple[Rates, list[Note]]:
-    """Take the gyroscope's errors off, and give each step its rate."""
+    """Take the gyroscope's errors off, and give each step its rate.
+
+    Arrays ``into``, of the shapes that `shapes` says, are filled by what is found.
+    """
     h = times_since(gyro.t, restart)
-    corrected, notes = _corrected(recording, gyro, restart, h, config)
+    corrected, notes = _corrected(recording, gyro, restart, h, config, into[:3])
     at = corrected.at
     if config.gyroscope.sample == "begins":
         return replace(corrected, mean=frame.mean_of_ends(at)), notes
-    mean = over = np.concatenate([at[1:], at[-1:]])
+    mean = over = into[-1]
+    over[:-1], over[-1] = at[1:], at[-1]
     divided = (substeps > 1) | np.append(restart[1:], True)
     if divided[:-1].any():  # such a step takes the line between its ends
         mean = over.copy()
@@ -83,7 +97,12 @@ def resting(
 
 
 def _corrected(
-    recording: Recording, gyro: Signal, restart: Mask, h: Array, config: Conditioning
+    recording: Recording,
+    gyro: Signal,
+    restart: Mask,
+    h: Array,
+    config: Conditioning,
+    into: drift.Room,
 ) -> tuple[Rates, list[Note]]:
     """Return the rate less the gyroscope's errors, for every step as at its stamp."""
     settings = config.gyroscope
@@ -95,8 +114,10 @@ def _corrected(
         return _as_given(gyro, known[0]), []
     force, still = told
     standing = _still(recording, gyro, force, h, config.max_step_s)
-    at, bias, deviation, found = drift.follow(h, gyro.y, *standing, still, restart, known)
-    return Rates(at, at, at, bias, found, deviation), [_told(still, known, found)]
+    found = drift.follow(h, gyro.y, *standing, still, restart, known, into)
+    at = found.rate
+    rates = Rates(at, at, at, found.bias, found.known, found.deviation)
+    return rates, [_told(still, known, found.known)]
 
 
 def _as_given(gyro: Signal, x: Array) -> Rates:

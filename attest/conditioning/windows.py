@@ -39,7 +39,7 @@ def less(m: Array, hard: Array, soft: Array, field: Array) -> None:
 
 @kernel
 def normal(Z: Array, y: Array, weight: Array, starts: Windows, A: Array, slope: Array) -> None:
-    """Sum Z^T Z and Z^T y up, less their weighted means over each window, in A and slope of zeros."""
+    """Fill A and slope of zeros with Z^T Z and Z^T y, less their weighted means over windows."""
     k = Z.shape[2]
     of_Z, of_y = np.zeros((3, k)), np.zeros(3)
     for window in range(len(starts) - 1):
