@@ -35,7 +35,7 @@ from attest.conditioning.drift_sums import (
 )
 from attest.conditioning.gyroscope_errors import N
 from attest.geometry import so3
-from attest.geometry.jit import kernel
+from attest.geometry.jit import inlined, kernel
 from attest.geometry.so3 import Vector
 
 Array = NDArray[np.float64]
@@ -119,7 +119,7 @@ def close(window: Window, x: Array, P: Array) -> None:
     window.clock[BEFORE] = 1.0
 
 
-@kernel
+@inlined
 def stay(window: Window, x: Array, P: Array, Omega_m: Vector, h: float) -> bool:
     """Take a sample at rest; tell whether it told, and directions of before tell no more."""
     for j in range(3):
