@@ -27,11 +27,12 @@ def accelerometer(
     signal: Signal,
     reference: str | None,
     config: Conditioning,
+    into: Array,
 ) -> tuple[Measured, list[Note]]:
-    """Use a - g where the log's velocity gives a, gravity elsewhere."""
+    """Use a - g where the log's velocity gives a, gravity elsewhere; `carried` fills ``into``."""
     down = 1.0 if recording.world == "ned" else -1.0
     g = np.array([0.0, 0.0, down * GRAVITY])
-    plain = carried(line, signal, -g[np.newaxis], config)
+    plain = carried(line, signal, -g[np.newaxis], config, into)
     if reference == "gravity":
         return plain, [Note("accelerometer's reference: gravity, as asked")]
     if "velocity" not in recording.signals:
@@ -100,7 +101,7 @@ def _unaided(plain: Measured, line: Timeline, load: Array, config: Conditioning)
     weight = plain.valid / (1.0 + (load / (LOAD * GRAVITY)) ** 2)
     longest = smoothing.longest_memory(h, line.gyro, config.max_step_s)
     tau = np.full(len(h), min(config.smoothing.accel_s, longest))
-    return smoothing.low_passed(plain, h, line, weight, restart, tau)
+    return smoothing.low_passed(plain, h, line, weight, restart, tau, np.empty_like(plain.body))
 
 
 def _specific_force(

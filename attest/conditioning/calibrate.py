@@ -12,7 +12,7 @@ from attest.conditioning.accelerometer import accelerometer
 from attest.conditioning.calibration import MICRO, Verdict
 from attest.conditioning.magnetometer import timed, vertical
 from attest.conditioning.measured import usable
-from attest.conditioning.rows import times_since
+from attest.conditioning.rows import times_since, together
 from attest.conditioning.timeline import Timeline, apart, restarts, substeps_of
 from attest.conditioning.timeline import gyroscope as cut_gyroscope
 from attest.config import (
@@ -55,9 +55,12 @@ def calibrate(recording: Recording, config: Configuration) -> dict[str, Any]:
     restart, gaps = restarts(recording, gyro.t, how)
     substeps, slow = substeps_of(gyro.t, restart, how.max_step_s)
     told = [*recording.notes, *cut, *gaps, *slow]
-    rates, _ = gyroscope.rates(recording, gyro, restart, substeps, how)
-    still = gyroscope.resting(recording, gyro, restart)
-    why = gyroscope.unfit(recording, gyro, times_since(gyro.t, restart), how.max_step_s)
+    at, bias, deviation, over = together(*gyroscope.shapes(len(gyro.t)))
+    into = (at, bias, deviation, over)
+    rates, _ = gyroscope.rates(recording, gyro, restart, substeps, how, into)
+    h = times_since(gyro.t, restart)
+    still = gyroscope.resting(recording, gyro, restart, h)
+    why = gyroscope.unfit(recording, gyro, h, how.max_step_s)
     found = {
         "gyroscope": _gyroscope(rates.known, how, why or "for want of turns"),
         "accelerometer": _accelerometer(None if still is None else attitudes.find(*still)),
@@ -149,7 +152,8 @@ def _magnetometer(recording: Recording, line: Timeline, config: Conditioning) ->
     before = []
     if "accel" in recording.signals and len(usable(recording.signals["accel"])[0].t):
         force, _ = usable(recording.signals["accel"])
-        before = [accelerometer(recording, line, force, None, config)[0]]
+        into = np.empty((len(line.t), 3))
+        before = [accelerometer(recording, line, force, None, config, into)[0]]
     verdict = calibration.judge(iron.field(line, signal, vertical(before)))
     text = "; ".join(note.text for note in [*told, calibration.note(verdict)])
     document = {"told": text.replace("magnetometer: ", "").replace("magnetometer ", "")}

@@ -6,23 +6,21 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from attest.conditioning import frame, points
+from attest.conditioning import frame, gyroscope, points
 from attest.conditioning.accelerometer import accelerometer, corrected
-from attest.conditioning.gyroscope import rates as gyroscope_rates
-from attest.conditioning.gyroscope import scale_of
 from attest.conditioning.magnetometer import magnetometer
 from attest.conditioning.measured import Measured, any_usable, carried, usable
 from attest.conditioning.rest import rest, unturned
-from attest.conditioning.rows import place
+from attest.conditioning.rows import place, together
 from attest.conditioning.smoothing import smooth
 from attest.conditioning.timeline import (
     SECOND,
     Timeline,
     apart,
-    gyroscope,
     restarts,
     substeps_of,
 )
+from attest.conditioning.timeline import gyroscope as cut_gyroscope
 from attest.config import Conditioning, Configuration, PointsConfiguration, Vector
 from attest.errors import ConfigError, ReadError
 from attest.recording import Note, Recording, seconds
@@ -44,33 +42,34 @@ def condition(recording: Recording, config: Configuration) -> tuple[Samples, tup
     if isinstance(config, PointsConfiguration) and points.apply(recording, config):
         return points.condition(recording, config)
     recording = corrected(recording, config.conditioning)
-    gyro, notes = gyroscope(recording, config)
+    gyro, notes = cut_gyroscope(recording, config)
     restart, gaps = restarts(recording, gyro.t, config.conditioning)
     substeps, slow = substeps_of(gyro.t, restart, config.conditioning.max_step_s)
     notes += gaps + slow
-    rates, told = gyroscope_rates(recording, gyro, restart, substeps, config.conditioning)
+    wanted = _vectors(recording, config)
+    names = tuple(vector.signal for vector in wanted)
+    room, measured, body = _room(len(gyro.t), len(names))
+    rates, told = gyroscope.rates(recording, gyro, restart, substeps, config.conditioning, room)
     notes += told
     recording, line = apart(recording, replace(gyro, y=rates.at), rates.mean, restart)
-    wanted = _vectors(recording, config)
-    found, told = _measured(recording, line, wanted, config.conditioning)
-    notes += told
-    torque, told = _torque(recording, line, config.conditioning)
-    notes += told
-    smoothed, told = smooth(found, line, restart, rates.deviation, config.conditioning)
-    notes += told
-    vectors = [smoothed[vector.signal] for vector in wanted]
+    found, told = _measured(recording, line, wanted, config.conditioning, measured)
+    torque, pushed = _torque(recording, line, config.conditioning)
+    own = dict(zip(names, body, strict=True))
+    smoothed, passed = smooth(found, line, restart, rates.deviation, config.conditioning, own)
+    notes += [*told, *pushed, *passed]
+    vectors = [smoothed[name] for name in names]
     samples = Samples(
         t=gyro.t,
         gyro=rates.over,
-        measured=_stack([found[vector.signal].body for vector in wanted], len(gyro.t)),
+        measured=_filled(measured, [found[name].body for name in names]),
         world=recording.world,
         mean=rates.mean,
         rate=rates.at,
         bias=rates.bias,
-        body=_stack([vector.body for vector in vectors], len(gyro.t)),
+        body=_filled(body, [vector.body for vector in vectors]),
         inertial=_stack([vector.inertial for vector in vectors], 1),
         valid=_valid(vectors, len(gyro.t)),
-        names=tuple(vector.signal for vector in wanted),
+        names=names,
         substeps=substeps,
         restart=restart,
         length=np.stack([v.length for v in vectors], axis=1) if vectors else None,
@@ -79,10 +78,17 @@ def condition(recording: Recording, config: Configuration) -> tuple[Samples, tup
         rest=_rest(recording, line, vectors, config.conditioning),
         sensors=replace(
             (found["mag"].sensors if "mag" in found else None) or Sensors(),
-            gyro_scale=scale_of(rates.known, config.conditioning),
+            gyro_scale=gyroscope.scale_of(rates.known, config.conditioning),
         ),
     )
     return samples, (*notes, *_unobservable(samples.names, recording))
+
+
+def _room(n: int, k: int) -> tuple[gyroscope.Room, Array, Array]:
+    """Return the arrays for the rates, and stacks (k, n, 3) for vectors measured and smoothed."""
+    vectors = (k, n, 3)
+    at, bias, deviation, over, *stacks = together(*gyroscope.shapes(n), vectors, vectors)
+    return (at, bias, deviation, over), stacks[0], stacks[1]
 
 
 def _rest(
@@ -143,15 +149,22 @@ def _vectors(recording: Recording, config: Configuration) -> tuple[Vector, ...]:
 
 
 def _measured(
-    recording: Recording, line: Timeline, wanted: Sequence[Vector], config: Conditioning
+    recording: Recording,
+    line: Timeline,
+    wanted: Sequence[Vector],
+    config: Conditioning,
+    stack: Array,
 ) -> tuple[dict[str, Measured], list[Note]]:
-    """Bring the vectors to the timeline, by their signals."""
+    """Bring the vectors to the timeline, by their signals, into a stack (k, n, 3)."""
+    into = {vector.signal: its for vector, its in zip(wanted, stack, strict=True)}
     found: dict[str, Measured] = {}
     notes = []
     # the magnetometer last: its dip may be told by any of the others
     for vector in sorted(wanted, key=lambda vector: vector.signal == "mag"):
         before = list(found.values())
-        found[vector.signal], told = _measure(recording, line, vector, before, config)
+        found[vector.signal], told = _measure(
+            recording, line, vector, before, config, into[vector.signal]
+        )
         notes += told
     return found, notes
 
@@ -162,6 +175,7 @@ def _measure(
     vector: Vector,
     before: list[Measured],
     config: Conditioning,
+    into: Array,
 ) -> tuple[Measured, list[Note]]:
     """Bring one vector to the timeline and find what it is in the world."""
     signal, notes = usable(recording.require(vector.signal))
@@ -173,12 +187,12 @@ def _measure(
     reference = vector.reference
     if isinstance(reference, tuple):
         known = np.array([reference])
-        measured = carried(line, signal, known, config)
+        measured = carried(line, signal, known, config, into)
     elif vector.signal == "accel" and reference in {None, "gravity", "specific_force"}:
-        measured, told = accelerometer(recording, line, signal, reference, config)
+        measured, told = accelerometer(recording, line, signal, reference, config, into)
         notes += told
     elif vector.signal == "mag" and reference in {None, "magnetic", "north"}:
-        measured, told = magnetometer(recording, line, signal, reference, before, config)
+        measured, told = magnetometer(recording, line, signal, reference, before, config, into)
         notes += told
     else:
         raise ConfigError(
@@ -190,6 +204,14 @@ def _measure(
         text = f"step without a sample of {vector.signal!r} within {config.max_age_s:g} s"
         notes.append(Note(text, stale, doubt=stale > 0.1 * len(line.t)))
     return measured, notes
+
+
+def _filled(stack: Array, vectors: list[Array]) -> Array:
+    """Put vectors (n, 3) into a stack (k, n, 3) unless they are there; return it as (n, k, 3)."""
+    for its, v in zip(stack, vectors, strict=True):
+        if not np.may_share_memory(its, v):
+            its[:] = v
+    return stack.transpose(1, 0, 2)
 
 
 def _stack(vectors: list[Array], rows: int) -> Array:

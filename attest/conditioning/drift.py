@@ -10,26 +10,39 @@ Symbols: D frame of the corrected gyroscope, as a quaternion; x = (b, S by rows)
 Theta = integral of D [I, Omega_m^T (x) I], (3, 12), so that theta = Theta dx.
 """
 
-from math import atan2, pi, radians, sin, sqrt
+from math import atan2, radians, sqrt
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from attest.conditioning import gyroscope_errors
+from attest.conditioning.drift_sums import (
+    BEFORE,
+    COUNT,
+    EMPTY,
+    REST_COUNT,
+    REST_TIME,
+    TIME,
+    WAITED,
+    WEIGHT,
+    WINDOW,
+    Window,
+    clear,
+    end_block,
+    in_order,
+    more,
+)
 from attest.conditioning.gyroscope_errors import N
-from attest.geometry import mat3, so3
-from attest.geometry.jit import kernel
-from attest.geometry.mat3 import Matrix
-from attest.geometry.so3 import Quaternion, Vector
+from attest.geometry import so3
+from attest.geometry.jit import inlined, kernel
+from attest.geometry.so3 import Vector
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 BLOCK = 0.02
 """In which the frame is taken as still, s."""
-WINDOW = 6.0
-"""Over which the direction of gravity is averaged, s: accelerations of the body cancel."""
 REST = 0.5
 """Over which the gyroscope is averaged at rest, s."""
 WALK_STD = radians(0.001)
@@ -48,74 +61,6 @@ FEWEST = 5
 """Samples of a window."""
 
 
-class Block(NamedTuple):
-    """Sums since Theta was last added to, over which the frame is taken as still."""
-
-    time: float
-    """s."""
-    samples: float
-    turned: Vector
-    """Time times rate, rad."""
-    force: Vector
-    """Time times specific force in the body."""
-    field: Vector
-    """Time times field in the body."""
-
-
-EMPTY = Block(0.0, 0.0, so3.ZERO, so3.ZERO, so3.ZERO)
-
-
-class Window(NamedTuple):
-    """What is summed up since the last comparison of directions, in arrays that are filled."""
-
-    Theta: Array
-    """Since its beginning, in rows of each element of D, (9, 4)."""
-    mean: Array
-    """Sum of weight times Theta, (9, 4)."""
-    f: Array
-    """Sum of weight times each direction in the frame, (k, 3)."""
-    before: Array
-    """Theta from the mean of the window before to its end, (3, 12)."""
-    f_before: Array
-    """Directions of the window before, (k, 3)."""
-    x: Array
-    """By which the frame is corrected, in the window before and in this one, (2, 12)."""
-    clock: Array
-    """Sum of weights, s; time, s; samples; whether there is a window before; time at rest, s, and
-    samples; time that P has not walked yet, s."""
-    variance: Array
-    """Of the direction as seen, (1,)."""
-    deviation: Array
-    """Of the least known axis of the bias, rad/s, (1,)."""
-    resting: Array
-    """Sum of time times rate at rest, rad, (3,)."""
-
-
-WEIGHT, TIME, COUNT, BEFORE, REST_TIME, REST_COUNT, WAITED = range(7)
-
-
-@kernel
-def turn(Theta: Array, mean: Array, D: Matrix, block: Block, weight: float) -> None:
-    """Add D [h I, (h Omega_m)^T (x) I], summed over a block, to Theta, and that to its mean."""
-    columns = (block.time, block.turned[0], block.turned[1], block.turned[2])
-    for j in range(9):
-        for k in range(4):
-            Theta[j, k] += D[j] * columns[k]
-            mean[j, k] += weight * Theta[j, k]
-
-
-@kernel
-def in_order(Theta: Array) -> Array:
-    """Return Theta in the order of x, shape (3, 12)."""
-    ordered = np.empty((3, N))
-    for j in range(3):
-        for k in range(3):
-            ordered[j, k] = Theta[3 * j + k, 0]
-            for axis in range(3):
-                ordered[j, 3 + 3 * k + axis] = Theta[3 * j + k, 1 + axis]
-    return ordered
-
-
 @kernel
 def walk(window: Window, P: Array) -> None:
     """Let the bias have walked until now."""
@@ -128,50 +73,6 @@ def walk(window: Window, P: Array) -> None:
 def note_deviation(window: Window, P: Array) -> None:
     """Keep how well the bias is known."""
     window.deviation[0] = sqrt(max(P[0, 0], P[1, 1], P[2, 2], 0.0))
-
-
-@kernel
-def clear(window: Window) -> None:
-    """Begin a window."""
-    window.Theta[:] = 0.0
-    window.mean[:] = 0.0
-    window.f[:] = 0.0
-    window.clock[:BEFORE] = 0.0
-
-
-@kernel
-def more(block: Block, h: float, Omega_m: Vector, force: Vector, field: Vector) -> Block:
-    """Add a sample to a block."""
-    return Block(
-        block.time + h,
-        block.samples + 1.0,
-        so3.add(block.turned, so3.scale(h, Omega_m)),
-        so3.add(block.force, so3.scale(h, force)),
-        so3.add(block.field, so3.scale(h, field)),
-    )
-
-
-@kernel
-def end_block(
-    block: Block, x: Array, q: Quaternion, Theta: Array, mean: Array, f: Array, clock: Array
-) -> Quaternion:
-    """Add a block to a window, weighted by a Hann function of its time; return the frame then."""
-    h = block.time
-    known = so3.scale(h, gyroscope_errors.error(x, so3.scale(1.0 / h, block.turned)))
-    theta = so3.sub(block.turned, known)
-    # the samples are each at the end of a step: their mean is past the middle
-    share = 0.5 + 0.5 / block.samples
-    D = so3.matrix(so3.multiply(q, so3.exp(so3.scale(share, theta))))
-    hann = sin(pi * min(1.0, clock[TIME] / WINDOW)) ** 2
-    turn(Theta, mean, D, block, h * hann)
-    for k in range(len(f)):
-        fixed = mat3.apply(D, block.field if k else block.force)
-        for j in range(3):
-            f[k, j] += hann * fixed[j]
-    clock[COUNT] += block.samples
-    clock[WEIGHT] += h * hann
-    clock[TIME] += h
-    return so3.multiply(q, so3.exp(theta))
 
 
 @kernel
@@ -218,7 +119,7 @@ def close(window: Window, x: Array, P: Array) -> None:
     window.clock[BEFORE] = 1.0
 
 
-@kernel
+@inlined
 def stay(window: Window, x: Array, P: Array, Omega_m: Vector, h: float) -> bool:
     """Take a sample at rest; tell whether it told, and directions of before tell no more."""
     for j in range(3):
@@ -237,6 +138,10 @@ def stay(window: Window, x: Array, P: Array, Omega_m: Vector, h: float) -> bool:
     window.clock[BEFORE] = 0.0
     window.x[1] = x
     return True
+
+
+Room = tuple[Array, Array, Array]
+"""Of rate, bias and deviation as found, shapes (n, 3), (n, 3) and (n,)."""
 
 
 class Followed(NamedTuple):
@@ -311,11 +216,20 @@ def run(
 
 
 def follow(
-    h: Array, gyro: Array, force: Array, field: Array, rest: Mask, restart: Mask, known: Array
+    h: Array,
+    gyro: Array,
+    force: Array,
+    field: Array,
+    rest: Mask,
+    restart: Mask,
+    known: Array,
+    into: Room,
 ) -> Followed:
-    """Correct a gyroscope; parameters are those of `run`, and x and its deviations before."""
-    n, k = len(gyro), int(len(force) > 0) + int(len(field) > 0)
-    found = Followed(np.empty((n, 3)), np.empty((n, 3)), np.empty(n), known.copy())
+    """Correct a gyroscope into arrays of what is found.
+
+    Other parameters are those of `run`, and x and its deviations before.
+    """
+    k, found = int(len(force) > 0) + int(len(field) > 0), Followed(*into, known.copy())
     shapes = ((9, 4), (9, 4), (k, 3), (3, N), (k, 3), (2, N), 7, 1, 1, 3)
     window = Window(*[np.zeros(shape) for shape in shapes])
     window.variance[:], window.deviation[:] = DIRECTION_STD**2, known[1, :3].max()

@@ -12,6 +12,7 @@ Symbols: D rotation from the body to the gyroscope's frame, as a quaternion.
 import numpy as np
 from numpy.typing import NDArray
 
+from attest.conditioning.rows import times_since
 from attest.geometry import mat3, so3
 from attest.geometry.jit import kernel
 from attest.geometry.so3 import Quaternion
@@ -33,11 +34,9 @@ def integrate(t: Stamps, mean: Array, restart: NDArray[np.bool_] | None = None) 
     restart : shape (n,)
         Steps that nothing before them tells of; the frame stands still over the step to one.
     """
-    h = np.diff(t) * 1e-9
-    if restart is not None:
-        h[restart[1:]] = 0.0
     D = np.empty((len(t), 4))
-    so3.integrate(h, mean, D)
+    restart = np.zeros(len(t), np.bool_) if restart is None else restart
+    so3.integrate(times_since(t, restart)[1:], mean, D)
     return D
 
 
@@ -48,7 +47,7 @@ def mean_of_ends(y: Array) -> Array:
 
 
 @kernel
-def cone(h: Array, at: Array, divided: Mask, over: Array, mean: Array) -> None:
+def cone(h: Array, at: Array, divided: Mask, over: Array) -> None:
     """Add to the mean rate over a step what the turn of its axis adds to the turn.
 
     The turn over a step is theta + theta_before x theta / 12 for a rate that changes linearly,
@@ -62,7 +61,7 @@ def cone(h: Array, at: Array, divided: Mask, over: Array, mean: Array) -> None:
         Mean rate over the step that ends at each stamp, rad/s.
     divided : shape (n,)
         Steps whose rate is taken as linear instead: they stay.
-    over, mean : shape (n, 3)
+    over : shape (n, 3)
         Rate over the step that begins at each stamp, rad/s, changed in place.
     """
     for i in range(len(h) - 1):
@@ -70,7 +69,6 @@ def cone(h: Array, at: Array, divided: Mask, over: Array, mean: Array) -> None:
             added = so3.scale(h[i] / 12.0, so3.cross(so3.row(at, i), so3.row(at, i + 1)))
             for j in range(3):
                 over[i, j] += added[j]
-                mean[i, j] += added[j]
 
 
 def at(t: Stamps, D: Array, when: Stamps) -> Array:

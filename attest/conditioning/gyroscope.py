@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from attest.conditioning import drift, frame, gyroscope_errors, smoothing
+from attest.conditioning import drift, drift_sums, frame, gyroscope_errors, smoothing
 from attest.conditioning.measured import usable
 from attest.conditioning.rest import BIAS
 from attest.conditioning.rested import rested
@@ -24,6 +24,10 @@ UNKNOWN = 0.5
 """Share of the deviation of before, above which a bias is hardly known."""
 
 
+Room = tuple[Array, Array, Array, Array]
+"""That of `drift`, and of the rate over each step."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Rates:
     """The gyroscope, corrected as far as is known at each sample."""
@@ -33,7 +37,8 @@ class Rates:
     over: Array
     """What the observer takes for the step that begins at each stamp, rad/s, shape (n, 3)."""
     mean: Array
-    """Mean rate over that step: for one that is divided, of its two ends, shape (n, 3)."""
+    """Mean rate over that step: for one that is divided, of its two ends, shape (n, 3); the same
+    array where none is."""
     bias: Array | None
     """Bias that was taken off, rad/s, shape (n, 3); None where nothing was."""
     known: Array | None = None
@@ -43,25 +48,38 @@ class Rates:
     """Of the bias, as it was known at each stamp, rad/s, shape (n,); None where nothing tells."""
 
 
+def shapes(n: int) -> list[tuple[int, ...]]:
+    """Return the shapes of a `Room` for a log of n samples."""
+    return [(n, 3), (n, 3), (n,), (n, 3)]
+
+
 def rates(
     recording: Recording,
     gyro: Signal,
     restart: Mask,
     substeps: NDArray[np.int64],
     config: Conditioning,
+    into: Room,
 ) -> tuple[Rates, list[Note]]:
-    """Take the gyroscope's errors off, and give each step its rate."""
-    corrected, notes = _corrected(recording, gyro, restart, config)
+    """Take the gyroscope's errors off, and give each step its rate.
+
+    Arrays ``into``, of the shapes that `shapes` says, are filled by what is found.
+    """
+    h = times_since(gyro.t, restart)
+    corrected, notes = _corrected(recording, gyro, restart, h, config, into[:3])
     at = corrected.at
     if config.gyroscope.sample == "begins":
         return replace(corrected, mean=frame.mean_of_ends(at)), notes
-    over = np.concatenate([at[1:], at[-1:]])
-    mean = over.copy()
-    # a step that is divided takes the line between its ends
+    mean = over = into[-1]
+    over[:-1], over[-1] = at[1:], at[-1]
     divided = (substeps > 1) | np.append(restart[1:], True)
-    mean[divided] = 0.5 * (at[divided] + over[divided])
-    over[divided] = at[divided]
-    frame.cone(times_since(gyro.t, restart), at, divided, over, mean)
+    if divided[:-1].any():  # such a step takes the line between its ends
+        mean = over.copy()
+        mean[divided] = 0.5 * (at[divided] + over[divided])
+        over[divided] = at[divided]
+    frame.cone(h, at, divided, over)
+    if mean is not over:
+        frame.cone(h, at, divided, mean)
     return replace(corrected, over=over, mean=mean), notes
 
 
@@ -74,10 +92,12 @@ def scale_of(known: Array | None, config: Conditioning) -> Array | None:
     return np.where(told, scale, np.nan) if told.any() else None
 
 
-def resting(recording: Recording, gyro: Signal, restart: Mask) -> tuple[Array, Mask] | None:
+def resting(
+    recording: Recording, gyro: Signal, restart: Mask, h: Array
+) -> tuple[Array, Mask] | None:
     """Return the specific force at the gyroscope's stamps, (n, 3), and where the body is at rest.
 
-    None where the log has too little of an accelerometer.
+    None where the log has too little of an accelerometer; h is the time from the sample before.
     """
     if "accel" not in recording.signals:
         return None
@@ -85,25 +105,31 @@ def resting(recording: Recording, gyro: Signal, restart: Mask) -> tuple[Array, M
     if len(accel.t) < drift.FEWEST:
         return None
     force, field = _at(gyro.t, accel), _field(recording, gyro)
-    return force, rested(times_since(gyro.t, restart), gyro.y, force, restart, field)
+    return force, rested(h, gyro.y, force, restart, field)
 
 
 def _corrected(
-    recording: Recording, gyro: Signal, restart: Mask, config: Conditioning
+    recording: Recording,
+    gyro: Signal,
+    restart: Mask,
+    h: Array,
+    config: Conditioning,
+    into: drift.Room,
 ) -> tuple[Rates, list[Note]]:
     """Return the rate less the gyroscope's errors, for every step as at its stamp."""
     settings = config.gyroscope
     known = np.zeros((2, gyroscope_errors.N))
     known[0, :3], known[0, 3:] = settings.bias, np.ravel(settings.scale)
     known[1, :3], known[1, 3:] = settings.bias_std, settings.scale_std
-    told = resting(recording, gyro, restart) if settings.correct else None
+    told = resting(recording, gyro, restart, h) if settings.correct else None
     if told is None:
         return _as_given(gyro, known[0]), []
     force, still = told
-    h = times_since(gyro.t, restart)
     standing = _still(recording, gyro, force, h, config.max_step_s)
-    at, bias, deviation, found = drift.follow(h, gyro.y, *standing, still, restart, known)
-    return Rates(at, at, at, bias, found, deviation), [_told(still, known, found)]
+    found = drift.follow(h, gyro.y, *standing, still, restart, known, into)
+    at = found.rate
+    rates = Rates(at, at, at, found.bias, found.known, found.deviation)
+    return rates, [_told(still, known, found.known)]
 
 
 def _as_given(gyro: Signal, x: Array) -> Rates:
@@ -126,7 +152,7 @@ def unfit(recording: Recording, gyro: Signal, h: Array, max_step: float) -> str 
     """
     if "velocity" in recording.signals:  # a vehicle's, whose turns and climbs do not cancel
         return "as gravity is no mean of a vehicle's force, and the log has a velocity"
-    if smoothing.longest_memory(h, gyro.y, max_step) < drift.WINDOW:
+    if smoothing.longest_memory(h, gyro.y, max_step) < drift_sums.WINDOW:
         return "as the gyroscope is too slow for its motion"
     return None
 

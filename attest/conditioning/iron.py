@@ -65,7 +65,8 @@ class Iron:
 
     def off(self, m: Array) -> Array:
         """Take it off vectors of shape (n, 3)."""
-        field: Array = (m - self.hard) @ self.soft.T
+        field = np.empty((len(m), 3))
+        windows.less(np.ascontiguousarray(m), self.hard, np.ascontiguousarray(self.soft), field)
         return field
 
 
@@ -82,13 +83,16 @@ class Field:
     """Median length, tesla."""
     window: Windows
     """Number of each sample's window, rising from 0 without gaps, shape (n,)."""
+    starts: Windows
+    """First sample of each window, and behind them the number of samples."""
     up: Array | None
     """Unit vertical in the frame, a window's mean; None where it is not known, shape (n, 3)."""
 
     def part(self, chosen: Mask) -> "Field":
         """Return some of the samples."""
         up = None if self.up is None else self.up[chosen]
-        return Field(self.X[chosen], self.strength, _numbers(self.window[chosen]), up)
+        window = _numbers(self.window[chosen])
+        return Field(self.X[chosen], self.strength, window, _beginnings(window), up)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,6 +127,7 @@ def field(line: Timeline, mag: Signal, vertical: Measured | None) -> Field | Non
     chosen = chosen[:: -(-len(chosen) // MOST_SAMPLES)]
     t, y = mag.t[chosen], mag.y[chosen]
     window = _numbers((t - t[0]) // round(WINDOW * SECOND))
+    starts = _beginnings(window)
     strength = float(np.median(np.linalg.norm(y, axis=1)))
     D = frame.at(line.t, line.D, t)
     up = None
@@ -130,10 +135,10 @@ def field(line: Timeline, mag: Signal, vertical: Measured | None) -> Field | Non
         near = frame.nearest(line.t, t)[0]
         length = np.where(vertical.valid[near], vertical.length[near], 0.0)
         force = length[:, np.newaxis] * vertical.body[near]
-        up = unit(_means(quaternion.rotate(line.D[near], force), window))
+        up = unit(_means(quaternion.rotate(line.D[near], force), starts)[window])
     X = np.empty((len(y), 3, 12))
     windows.columns(D, y / strength, X)
-    return Field(X, strength, window, up)
+    return Field(X, strength, window, starts, up)
 
 
 def fit(field: Field, basis: Array, weight: Array | None = None) -> Fit:
@@ -143,7 +148,7 @@ def fit(field: Field, basis: Array, weight: Array | None = None) -> Fit:
     widened by how much the windows scatter, for errors within one are of one sort.
     """
     x, k = unknowns(NONE), basis.shape[1]
-    Z, y, starts = times(field.X, basis), times(field.X, x), beginnings(field.window)
+    Z, y, starts = times(field.X, basis), times(field.X, x), field.starts
     left, size2, scores = np.empty_like(y), np.empty(len(y)), np.zeros((len(starts) - 1, k))
     rounds, weight = (ROUNDS, np.ones(len(y))) if weight is None else (LAST_ROUNDS, weight)
     for _ in range(rounds):
@@ -178,7 +183,7 @@ def misfit(field: Field, iron: Iron) -> Array:
     """
     y, length, along = taken_off(field, iron), np.empty(len(field.X)), np.empty(len(field.X))
     up = np.empty((0, 3)) if field.up is None else field.up
-    moved = windows.moved(y, up, beginnings(field.window), length, along)
+    moved = windows.moved(y, up, field.starts, length, along)
     spreads = [moved, _spread(length)] + ([_spread(along)] if len(up) else [])
     return np.array(spreads)
 
@@ -200,8 +205,7 @@ def times(X: Array, by: Array) -> Array:
     return product
 
 
-def beginnings(window: Windows) -> Windows:
-    """Return the first sample of each window, and behind them the number of samples."""
+def _beginnings(window: Windows) -> Windows:
     return np.append(np.flatnonzero(np.diff(window, prepend=-1)), len(window))
 
 
@@ -215,11 +219,9 @@ def _numbers(cells: NDArray[np.int64]) -> Windows:
     return np.cumsum(np.diff(cells, prepend=cells[:1]) > 0)
 
 
-def _means(values: Array, window: Windows) -> Array:
-    """Return for each of (n, 3) the mean of its window."""
-    starts = beginnings(window)
-    sums = np.add.reduceat(values, starts[:-1], axis=0)
-    means: Array = (sums / np.diff(starts)[:, np.newaxis])[window]
+def _means(values: Array, starts: Windows) -> Array:
+    """Return the mean of (n, 3) over each window."""
+    means: Array = np.add.reduceat(values, starts[:-1], axis=0) / np.diff(starts)[:, np.newaxis]
     return means
 
 

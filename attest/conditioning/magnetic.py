@@ -59,10 +59,10 @@ def dip_of_log(accel: Array, mag: Array, valid: NDArray[np.bool_]) -> float | No
     valid : shape (n,)
         Which to use; None is returned where there are none.
     """
-    chosen = np.arange(len(valid)) if valid.all() else np.flatnonzero(valid)
-    if not len(chosen):
+    few = -(-int(np.count_nonzero(valid)) // MOST_SAMPLES)
+    if not few:
         return None
-    chosen = chosen[:: -(-len(chosen) // MOST_SAMPLES)]
+    chosen = np.arange(0, len(valid), few) if valid.all() else np.flatnonzero(valid)[::few]
     down = -np.sum(accel[chosen] * mag[chosen], axis=1)
     return float(np.arcsin(np.clip(np.median(down), -1.0, 1.0)))
 

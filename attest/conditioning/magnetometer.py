@@ -26,12 +26,16 @@ def magnetometer(
     reference: str | None,
     before: list[Measured],
     config: Conditioning,
+    into: Array,
 ) -> tuple[Measured, list[Note]]:
-    """Put the magnetometer at its right time, and find the field in the world."""
+    """Put the magnetometer at its right time, and find the field in the world.
+
+    `carried` fills ``into``.
+    """
     signal, late, notes = timed(line, signal, config)
     signal, sensors, told = calibrated(line, signal, before, config)
     notes += told
-    body = carried(line, signal, np.array([[1.0, 0.0, 0.0]]), config)
+    body = carried(line, signal, np.array([[1.0, 0.0, 0.0]]), config, into)
     model = None if reference == "north" else magnetic.field(recording)
     dip = _dip_of_log(body, before, recording.world)
     known, told = _direction(recording, dip, model, reference)

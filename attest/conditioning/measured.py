@@ -50,13 +50,15 @@ def usable(signal: Signal) -> tuple[Signal, list[Note]]:
     return Signal(signal.t[some], signal.y[some], signal.source), [left_out]
 
 
-def carried(line: Timeline, signal: Signal, known: Array, config: Conditioning) -> Measured:
-    """Carry a signal by the gyroscope to the timeline."""
+def carried(
+    line: Timeline, signal: Signal, known: Array, config: Conditioning, into: Array
+) -> Measured:
+    """Carry a signal by the gyroscope to the timeline; its directions fill an array (n, 3)."""
     max_age = min(config.max_age_s, config.restart_gap_s / 2.0)  # never across a restart
     body, valid, _ = frame.carry(line.t, line.D, signal.t, signal.y, round(max_age * SECOND))
-    directions, length = np.empty((len(body), 3)), np.empty(len(body))
-    split(body, directions, length)
-    return Measured(directions, unit(known), valid, length)
+    length = np.empty(len(body))
+    split(body, into, length)
+    return Measured(into, unit(known), valid, length)
 
 
 def unit(v: Array) -> Array:

@@ -1,6 +1,6 @@
 """What is asked of every row of an (n, 3) array, without arrays between."""
 
-from math import sqrt
+from math import prod, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +9,17 @@ from attest.geometry.jit import kernel
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
+
+
+def together(*shapes: tuple[int, ...]) -> list[Array]:
+    """Return arrays of these shapes, of one piece of memory.
+
+    What is large comes in large pages, and is kept for the next log: a page costs the system
+    microseconds, as much as it takes to fill it.
+    """
+    ends = np.cumsum([prod(shape) for shape in shapes])
+    pieces = np.split(np.empty(ends[-1]), ends[:-1])
+    return [piece.reshape(shape) for piece, shape in zip(pieces, shapes, strict=True)]
 
 
 def largest(y: Array) -> Array:

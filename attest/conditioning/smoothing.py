@@ -37,6 +37,7 @@ def smooth(
     restart: Mask,
     deviation: Array | None,
     config: Conditioning,
+    into: dict[str, Array],
 ) -> tuple[dict[str, Measured], list[Note]]:
     """Low-pass the directions, believe the field as far as it is usual, keep it out of the tilt.
 
@@ -45,6 +46,8 @@ def smooth(
     deviation : shape (n,)
         Of the gyroscope's bias, rad/s: no memory is so long that the frame drifts; None where that
         is as it was given.
+    into
+        Filled with the low-passed directions of each signal, (n, 3).
     """
     h = times_since(line.t, restart)
     settings, after, notes = config.smoothing, dict(found), []
@@ -52,7 +55,7 @@ def smooth(
     longest = longest_memory(h, line.gyro, config.max_step_s)
     if accel is not None and settings.accel_s is not None and len(accel.inertial) == 1:
         tau = _memory(min(settings.accel_s, longest), len(h), deviation)
-        accel = low_passed(accel, h, line, accel.valid.astype(float), restart, tau)
+        accel = low_passed(accel, h, line, accel.valid.astype(float), restart, tau, into["accel"])
         after["accel"] = accel
         notes.append(_told("accelerometer", tau, settings.accel_s))
     if mag is None:
@@ -72,7 +75,7 @@ def smooth(
         notes += turned(h, line.D, vectors, mag.valid, restart, aided=aided, most=most)
     if settings.mag_s is not None:
         tau = _memory(min(settings.mag_s, longest), len(h), deviation)
-        mag = low_passed(mag, h, line, weight, restart, tau, up)
+        mag = low_passed(mag, h, line, weight, restart, tau, into["mag"], up)
         notes.append(_told("magnetometer", tau, settings.mag_s))
     if apart is not None:
         mag = _across(mag, apart, done=settings.mag_s is not None and len(up) > 0)
@@ -104,7 +107,7 @@ def longest_memory(h: Array, gyro: Array, max_step: float) -> float:
     max_step
         Longest step that is not divided, s.
     """
-    means = np.median(h) <= max_step
+    means = h.max() <= max_step or np.median(h) <= max_step  # mostly told without the latter
     variance = directions.cones(h, gyro) / 576.0 if means else directions.bends(h, gyro) / 144.0
     return FRAME_ERROR**2 * float(h.sum()) / variance if variance > 0.0 else np.inf
 
@@ -129,13 +132,14 @@ def low_passed(
     weight: Array,
     restart: Mask,
     tau: Array,
+    into: Array,
     up: Array = NONE,
 ) -> Measured:
     """Low-pass a vector, or its direction across the unit vectors ``up``, by `directions`."""
-    body, valid = np.empty_like(vector.body), vector.valid.copy()
+    valid = vector.valid.copy()
     vectors = (vector.body, vector.length, up)
-    directions.low_pass(h, line.D, vectors, weight, restart, tau, body, valid)
-    return replace(vector, body=body, valid=valid)
+    directions.low_pass(h, line.D, vectors, weight, restart, tau, into, valid)
+    return replace(vector, body=into, valid=valid)
 
 
 def _belief(

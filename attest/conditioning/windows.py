@@ -8,8 +8,8 @@ from math import atan2, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from attest.geometry import so3
-from attest.geometry.jit import kernel
+from attest.geometry import mat3, so3
+from attest.geometry.jit import inlined, kernel
 
 Array = NDArray[np.float64]
 Windows = NDArray[np.intp]
@@ -29,8 +29,17 @@ def columns(D: Array, m: Array, X: Array) -> None:
 
 
 @kernel
+def less(m: Array, hard: Array, soft: Array, field: Array) -> None:
+    """Fill field (n, 3) with S (m - h) of vectors m (n, 3)."""
+    h = (hard[0], hard[1], hard[2])
+    S = mat3.matrix_row(soft.reshape(1, 9), 0)
+    for i in range(len(m)):
+        field[i, 0], field[i, 1], field[i, 2] = mat3.apply(S, so3.sub(so3.row(m, i), h))
+
+
+@kernel
 def normal(Z: Array, y: Array, weight: Array, starts: Windows, A: Array, slope: Array) -> None:
-    """Add Z^T Z and Z^T y, both less their weighted means over each window, to A and slope."""
+    """Fill A and slope of zeros with Z^T Z and Z^T y, less their weighted means over windows."""
     k = Z.shape[2]
     of_Z, of_y = np.zeros((3, k)), np.zeros(3)
     for window in range(len(starts) - 1):
@@ -42,19 +51,21 @@ def normal(Z: Array, y: Array, weight: Array, starts: Windows, A: Array, slope: 
                 of_y[j] += weight[i] * y[i, j]
                 for a in range(k):
                     of_Z[j, a] += weight[i] * Z[i, j, a]
-                _add(weight[i], Z[i, j], y[i, j], A, slope)
-        for j in range(3):
-            _add(-1.0 / total, of_Z[j], of_y[j], A, slope)
+            _add(weight[i], Z[i], y[i], A, slope)
+        _add(-1.0 / total, of_Z, of_y, A, slope)
+    for a in range(k):
+        for b in range(a):
+            A[b, a] = A[a, b]
 
 
-@kernel
-def _add(weight: float, z: Array, y: float, A: Array, slope: Array) -> None:
-    """Add weight z z^T and weight y z to A and slope."""
-    for a in range(len(z)):
-        wz = weight * z[a]
-        slope[a] += wz * y
-        for b in range(len(z)):
-            A[a, b] += wz * z[b]
+@inlined
+def _add(weight: float, Z: Array, y: Array, A: Array, slope: Array) -> None:
+    """Add weight Z^T Z, up to its diagonal, and weight Z^T y to A and slope."""
+    for a in range(Z.shape[1]):
+        u, v, w = weight * Z[0, a], weight * Z[1, a], weight * Z[2, a]
+        slope[a] += u * y[0] + v * y[1] + w * y[2]
+        for b in range(a + 1):
+            A[a, b] += u * Z[0, b] + v * Z[1, b] + w * Z[2, b]
 
 
 @kernel

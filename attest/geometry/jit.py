@@ -16,15 +16,26 @@ def kernel(function: F) -> F:
     return cast(F, _Kernel(function))
 
 
+def inlined(function: F) -> F:
+    """Compile a function as `kernel` does, into the midst of the kernels that call it.
+
+    Tuples then stay in registers where a call passes them by memory: for what is called at each
+    step, and at one place or two.
+    """
+    return cast(F, _Kernel(function, forceinline=True))
+
+
 class _Kernel:
     """A function that numba meets when it is called, or by another kernel that calls it.
 
     numba takes a quarter of a second to import: what runs no kernel does without it.
     """
 
-    def __init__(self, function: Callable[..., Any]) -> None:
+    def __init__(self, function: Callable[..., Any], **options: Any) -> None:
         update_wrapper(self, function)
         self._function = function
+        # numpy's error model: a division by zero gives infinity, and costs no branch
+        self._options = {"nogil": True, "error_model": "numpy", **options}
 
     def __call__(self, *arguments: Any) -> Any:
         return self._compiled(*arguments)
@@ -38,10 +49,8 @@ class _Kernel:
     def _compiled(self) -> Any:
         import numba
 
-        # numpy's error model: a division by zero gives infinity, and costs no branch
+        contract = {"contract"}
         try:
-            return numba.njit(nogil=True, error_model="numpy", cache=True, fastmath={"contract"})(
-                self._function
-            )
+            return numba.njit(cache=True, fastmath=contract, **self._options)(self._function)
         except RuntimeError:  # numba: "cannot cache function: no locator available"
-            return numba.njit(nogil=True, error_model="numpy")(self._function)
+            return numba.njit(**self._options)(self._function)

@@ -23,14 +23,15 @@ from attest.claims import Claim
 from attest.config import Configuration, Section, Weights
 from attest.estimates import Estimates
 from attest.geometry import mat3, so3, wahba
-from attest.geometry.jit import kernel
+from attest.geometry.jit import inlined, kernel
 from attest.geometry.mat3 import Matrix
 from attest.geometry.so3 import Quaternion, Vector
-from attest.observers.hoelder import power, turned
+from attest.observers.hoelder import Powers, powers, tabled, turned
 from attest.observers.observer import (
     COLUMNS,
     Observer,
     between,
+    blocks,
     estimates,
     gain_matrices,
     gyro_noise,
@@ -81,23 +82,29 @@ class Config(Configuration):
     weights: Weights = Weights(k=(1.2, 1.0, 30.0))
 
 
-@kernel
+@inlined
 def derivatives(
-    s: Vector, w: Vector, omega: Vector, gains: Numbers
+    s: Vector, w: Vector, omega: Vector, gains: Numbers, table: Powers
 ) -> tuple[Vector, Vector, Vector]:
     """Return beta_hat', omega' and Psi from the residual s = s_L and its rate w = w_L."""
     k_p, k_v, kappa, mu, a, k_b = gains
-    slope = power(s, a)
+    slope = tabled(s, table)
     Psi = so3.sub(omega, so3.scale(kappa * slope, s))  # (46), (47)
     beta_dot = so3.scale(k_p / k_b, s)  # (50)
-    pull = so3.sub(so3.scale(k_p, s), so3.scale(k_v * power(Psi, a), Psi))
+    pull = so3.sub(so3.scale(k_p, s), so3.scale(k_v * tabled(Psi, table), Psi))
     follow = so3.scale(mu * kappa * slope, turned(s, w, a))  # (52)
     return beta_dot, so3.scale(1.0 / mu, so3.add(pull, follow)), Psi  # (51)
 
 
-@kernel
+@inlined
 def step(
-    state: State, Omega_m: Vector, L: Matrix, constant: float, h: float, gains: Numbers
+    state: State,
+    Omega_m: Vector,
+    L: Matrix,
+    constant: float,
+    h: float,
+    gains: Numbers,
+    table: Powers,
 ) -> tuple[State, float, float, float]:
     """Advance the state by h, all right sides at its beginning, (92)-(95).
 
@@ -113,7 +120,7 @@ def step(
     Omega_hat = so3.sub(Omega_b, omega)
     B = mat3.matmul(mat3.transpose(so3.matrix(q)), L)
     s, w = wahba.residual(B), wahba.residual_rate(B, Omega_hat, Omega_b)  # (48)
-    beta_dot, omega_dot, Psi = derivatives(s, w, omega, gains)
+    beta_dot, omega_dot, Psi = derivatives(s, w, omega, gains, table)
     after = (
         so3.multiply(q, so3.exp(so3.scale(h, Omega_hat))),  # (92)
         so3.add(omega, so3.scale(h, omega_dot)),  # (93)
@@ -131,35 +138,42 @@ def run(
     start: State,
     gains: Numbers,
     out: Array,
-) -> None:
+) -> State:
     """Fold (92)-(95) over the steps, right sides at each step; rows of out are the state before it.
 
     Parameters
     ----------
     h, substeps : shape (n,)
         Length of each sub-step, s, and how many of them a step has.
-    gyro : shape (n, 3)
-        Measured rate, rad/s.
-    L : shape (n, 10)
-        From `attest.geometry.wahba.gain_matrices`.
+    gyro : shape (n, 3) or (n + 1, 3)
+        Measured rate, rad/s; with that of the step to come, if there is one.
+    L : shape (n, 10) or (n + 1, 10)
+        From `attest.geometry.wahba.gain_matrices`, alike.
     start
         Tuples q, omega and beta_hat.
     gains
         k_p, k_v, kappa, mu, a and k_b.
     out : shape (n, 13)
         q (4), Omega_hat (3), beta_hat (3), |s_L|, U, |Psi|.
+
+    Returns
+    -------
+    State
+        After the last step.
     """
+    table = powers(gains[4])
     state = start
     for i in range(len(h)):
         q, omega, beta = state
         Omega_m, L_i = mean_rate(gyro, i, 0, substeps[i]), mat3.matrix_row(L, i)
-        state, s_norm, cost, psi_norm = step(state, Omega_m, L_i, L[i, 9], h[i], gains)
+        state, s_norm, cost, psi_norm = step(state, Omega_m, L_i, L[i, 9], h[i], gains, table)
         Omega_hat = so3.sub(so3.sub(so3.row(gyro, i), beta), omega)
         record(out, i, q, Omega_hat, beta, s_norm, cost)
         out[i, 12] = psi_norm
         for j in range(1, substeps[i]):
             Omega_m, L_j = mean_rate(gyro, i, j, substeps[i]), between(L, i, j, substeps[i])
-            state, _, _, _ = step(state, Omega_m, L_j, 0.0, h[i], gains)
+            state, _, _, _ = step(state, Omega_m, L_j, 0.0, h[i], gains, table)
+    return state
 
 
 def estimate(samples: Samples, config: Config) -> Estimates:
@@ -170,12 +184,15 @@ def estimate(samples: Samples, config: Config) -> Estimates:
     out = np.empty((len(samples.t), COLUMNS + 1))
     beta = np.array(config.initial.bias)
     for part in segments(samples):
-        gyro = samples.gyro[part]
         q = initial_attitude(samples, part, config.initial)
-        omega = initial_omega(gyro, part, config.initial, beta)
-        start = (so3.as_quaternion(q), so3.as_vector(omega), so3.as_vector(beta))
-        L = gain_matrices(samples, part, config.weights)
-        run(steps(samples, part), samples.substeps[part], gyro, L, start, numbers, out[part])
+        omega = initial_omega(samples.gyro[part], part, config.initial, beta)
+        state = (so3.as_quaternion(q), so3.as_vector(omega), so3.as_vector(beta))
+        h = steps(samples, part)
+        for block in blocks(part):
+            ahead = slice(block.start, min(block.stop + 1, part.stop))
+            L, gyro = gain_matrices(samples, ahead, config.weights), samples.gyro[ahead]
+            length = h[block.start - part.start : block.stop - part.start]
+            state = run(length, samples.substeps[block], gyro, L, state, numbers, out[block])
         beta = out[part.stop - 1, 7:10]
     return estimates("fts", samples, out, states={"psi_norm": out[:, 12]})
 

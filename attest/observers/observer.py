@@ -1,6 +1,6 @@
 """What an observer is to the rest of the program."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 
 COLUMNS = 12
 """q (4), Omega_hat (3), beta_hat (3), |s_L| and Wahba's cost."""
+BLOCK = 8192
+"""Steps of a piece of a log; the matrices of more do not fit a processor's cache."""
 NEAR = 60_000_000_000
 """How far the gyroscope is believed when it leads back to a start, nanoseconds."""
 
@@ -189,6 +191,12 @@ def turn_noise(samples: Samples, part: slice, least: float) -> Array:
     return np.where(slow, told, least)
 
 
+def blocks(part: slice) -> Iterator[slice]:
+    """Yield a stretch in pieces, so that what is made for one is still in the processor's cache."""
+    for start in range(part.start, part.stop, BLOCK):
+        yield slice(start, min(start + BLOCK, part.stop))
+
+
 def gain_matrices(samples: Samples, part: slice, weights: Weights) -> Array:
     """Return L and the cost's constant part at each step of a stretch, shape (n, 10)."""
     return _matrices(samples, part, weights, np.empty((0, 6)))
@@ -240,18 +248,16 @@ def estimates(
     """
     for part in segments(samples):
         refuse_divergence(name, samples.t[part], out[part])
-    none, Omega, beta = np.empty((0, 3)), np.empty((len(out), 3)), np.empty((0, 3))
+    none = np.empty((0, 3))
     rate = none if samples.rate is None else samples.rate
     off = samples.bias if bias and samples.bias is not None else none
-    if len(off):
-        beta = np.empty((len(out), 3))
-    _finish(out, samples.gyro, rate, off, Omega, beta)
+    _finish(out, samples.gyro, rate, off)
     return Estimates(
         observer=name,
         t=samples.t,
         q=out[:, 0:4],
-        angular_velocity=Omega,
-        gyro_bias=(beta if len(off) else out[:, 7:10]) if bias else None,
+        angular_velocity=out[:, 4:7],
+        gyro_bias=out[:, 7:10] if bias else None,
         s_norm=out[:, 10],
         cost=out[:, 11],
         updated=samples.valid,
@@ -260,13 +266,13 @@ def estimates(
 
 
 @kernel
-def _finish(out: Array, gyro: Array, rate: Array, off: Array, Omega: Array, beta: Array) -> None:
-    """Make the quaternions' signs continuous, and fill the rate at the stamps and the whole bias.
+def _finish(out: Array, gyro: Array, rate: Array, off: Array) -> None:
+    """Make the quaternions' signs continuous, the rate that at the stamps, and the bias the whole.
 
     Parameters
     ----------
     out
-        What `record` left.
+        What `record` left, changed in place.
     gyro, rate
         Rate over the step from each stamp and at the stamp, (n, 3); no row of the latter where they
         are the same.
@@ -282,8 +288,7 @@ def _finish(out: Array, gyro: Array, rate: Array, off: Array, Omega: Array, beta
         for j in range(4):
             out[i, j] = sign * q[j]
         for j in range(3):
-            Omega[i, j] = out[i, 4 + j]
             if len(rate):
-                Omega[i, j] += rate[i, j] - gyro[i, j]
+                out[i, 4 + j] += rate[i, j] - gyro[i, j]
             if len(off):
-                beta[i, j] = out[i, 7 + j] + off[i, j]
+                out[i, 7 + j] += off[i, j]

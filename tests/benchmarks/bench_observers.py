@@ -1,8 +1,8 @@
 """How quickly the observers step, each against VQF's C++ (9D), in one run.
 
-    python tests/benchmarks/bench_observers.py [NAME...] [--samples 200000] [--rounds 7] [--whole]
+    python tests/benchmarks/bench_observers.py [NAME...] [--samples 200000] [--rate 100] [--whole]
 
-All are given the same simulated turning sensor at 100 Hz with noise; prints the median of the time
+All are given the same simulated turning sensor with noise; prints the median of the time
 per step of each, and of the ratio round by round. With ``--whole``, observers condition it as well.
 """
 
@@ -28,14 +28,14 @@ GRAVITY, FIELD = np.array([0.0, 0.0, 9.81]), np.array([0.0, 20.0, -43.0])
 """Specific force at rest, m/s², and the field, µT, in east-north-up."""
 
 
-def sensor(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def sensor(n: int, rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return stamps, gyroscope, accelerometer and magnetometer."""
     draw = np.random.default_rng(1).normal
-    t = np.arange(n) * 10_000_000
+    t = np.arange(n) * round(1e9 / rate)
     s = t * 1e-9
     slow = [np.sin(s / 3.0), np.sin(s / 4.0 + 1.0), np.cos(s / 5.0)]
     q = quaternion.from_euler(0.6 * slow[0], 0.5 * slow[1], 3.0 * slow[2])
-    turn = quaternion.log(quaternion.multiply(quaternion.conjugate(q[:-1]), q[1:])) / 0.01
+    turn = quaternion.log(quaternion.multiply(quaternion.conjugate(q[:-1]), q[1:])) * rate
     gyro = np.concatenate([turn, turn[-1:]]) + 0.01 + draw(0.0, 0.005, (n, 3))
     back = quaternion.conjugate(q)
     accel = quaternion.rotate(back, np.tile(GRAVITY, (n, 1))) + draw(0.0, 0.2, (n, 3))
@@ -93,10 +93,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", default=NAMES)
     parser.add_argument("--samples", type=int, default=200_000)
+    parser.add_argument("--rate", type=float, default=100.0, help="in hertz; 286 as in BROAD")
     parser.add_argument("--rounds", type=int, default=7)
     parser.add_argument("--whole", action="store_true", help="with conditioning")
     chosen = parser.parse_args()
-    t, gyro, accel, mag = sensor(chosen.samples)
+    t, gyro, accel, mag = sensor(chosen.samples, chosen.rate)
     given, log = samples(t, gyro, accel, mag), recording(t, gyro, accel, mag)
     for name in chosen.names:
         observer = observers.get(name)
@@ -109,7 +110,7 @@ def main() -> int:
             [
                 (
                     seconds(partial(estimate, config)),
-                    seconds(lambda: vqf.VQF(0.01).updateBatch(gyro, accel, mag)),
+                    seconds(lambda: vqf.VQF(1.0 / chosen.rate).updateBatch(gyro, accel, mag)),
                 )
                 for _ in range(chosen.rounds)
             ]

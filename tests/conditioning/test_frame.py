@@ -107,9 +107,8 @@ def test_a_turning_axis_is_integrated_from_mean_rates():
     mean = np.concatenate([np.zeros((1, 3)), rate.reshape(-1, each, 3).mean(axis=1)])
     h = np.full(len(mean), fine * each)
     over = np.concatenate([mean[1:], mean[-1:]])
-    coned, also = over.copy(), over.copy()
-    frame.cone(h, mean, np.zeros(len(h), np.bool_), coned, also)
-    assert_allclose(coned, also, atol=0)
+    coned = over.copy()
+    frame.cone(h, mean, np.zeros(len(h), np.bool_), coned)
     t = np.arange(len(h)) * 10_000_000
     plain = angle_deg(frame.integrate(t, over), D).max()
     better = angle_deg(frame.integrate(t, coned), D).max()
@@ -121,9 +120,9 @@ def test_a_divided_step_is_not_coned():
     over = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
     at, h = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]), np.array([0.0, 0.1, 0.1])
     coned = over.copy()
-    frame.cone(h, at, np.array([False, False, True]), coned, over.copy())
+    frame.cone(h, at, np.array([False, False, True]), coned)
     assert_allclose(coned[0], over[0], atol=0)  # nothing before it is known
     assert_allclose(coned[1], over[1] + 0.1 / 12.0 * np.cross(at[1], at[2]), atol=1e-15)
     coned = over.copy()
-    frame.cone(h, at, np.array([False, True, True]), coned, over.copy())
+    frame.cone(h, at, np.array([False, True, True]), coned)
     assert_allclose(coned, over, atol=0)
