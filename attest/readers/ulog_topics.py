@@ -190,8 +190,8 @@ def position(stream: Stream) -> Values | None:
         y, scale = _columns(stream, "lat", "lon", "alt"), [1e-7, 1e-7, 1e-3]
     if y is None:
         return None
-    y = y * scale
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore"):  # some NaN signal it when they are multiplied
+        y = y * scale
         held = np.any(y[:, :2] != 0.0, axis=1) & np.all(np.abs(y[:, :2]) <= [90.0, 180.0], axis=1)
     return micros(stream), y, held & (fixed(stream) | (stream.topic not in GPS))
 

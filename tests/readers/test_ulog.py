@@ -144,6 +144,15 @@ def test_velocity_of_a_receiver_needs_a_fix_and_accuracy(tmp_path):
     assert notes(recording)["vehicle_gps_position velocity without a 3D fix dropped"] == 60
 
 
+def test_a_place_that_is_no_number_is_dropped_without_a_word_of_numpy(tmp_path):
+    """Some NaN of damaged bytes signal it in arithmetic, which numpy warns of."""
+    log, (signalling,) = Log(), struct.unpack("<d", (0x7FF0_0000_0000_0001).to_bytes(8, "little"))
+    for i, t in enumerate(TIMES):
+        log.add("sensor_combined", t, 0.1)
+        log.add("vehicle_global_position", t, signalling if i < 5 else 47.4, 8.5, 500.0)
+    assert len(read(tmp_path, log).signals["position"].t) == len(TIMES) - 5
+
+
 def test_a_receiver_gives_velocity_place_and_utc(tmp_path):
     log, unix = Log(), 1_700_000_000.0
     for t in TIMES:
