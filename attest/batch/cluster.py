@@ -4,6 +4,7 @@ Where tasks run, what becomes of those of a lost worker, and how often they are 
 is sent JSON alone, and never more tasks at a time than keep its workers busy.
 """
 
+import asyncio
 import json
 import logging
 from collections.abc import Iterator
@@ -23,7 +24,7 @@ from attest.errors import AttestError, ConfigError
 if TYPE_CHECKING:
     from distributed import Client
 
-PATIENCE_S = 10
+PATIENCE_S = 8.0
 """For a scheduler to answer."""
 PROTOCOLS = ("tcp", "tls", "ws", "wss", "ucx")
 RETRIES = 2
@@ -63,17 +64,27 @@ def _connected(address: str) -> "Iterator[Client]":
     try:
         from distributed import Client
     except ImportError as error:
-        raise ConfigError(f"--cluster: {error}. Install it: {EXTRA}.") from error
+        raise ConfigError(f"--cluster: {error}: {EXTRA}.") from error
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is told in a line
     try:
+        asyncio.run(asyncio.wait_for(_answer(address), PATIENCE_S))
         client = Client(address, timeout=PATIENCE_S, set_as_default=False)
     except Exception as error:  # of sockets, of TLS, or of Dask
         raise ClusterError(
-            f"--cluster {address}: no Dask scheduler answers there in {PATIENCE_S} s. Start one "
+            f"--cluster {address}: no Dask scheduler answers there in {PATIENCE_S:g} s. Start one "
             "(`dask scheduler`), or check the address."
         ) from error
     with client:
         yield client
+
+
+async def _answer(address: str) -> None:
+    """Ask a scheduler who it is; a client that finds none takes long to go away."""
+    from distributed import Security, rpc
+
+    arguments = Security().get_connection_args("client")
+    async with rpc(address, connection_args=arguments) as scheduler:
+        await scheduler.identity()
 
 
 def _ended(client: "Client", tasks: Iterator[Task], job: Job, address: str) -> Iterator[Row]:

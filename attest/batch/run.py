@@ -76,7 +76,7 @@ def run(logs: Sequence[Log], plan: Plan, journal: Journal) -> Iterator[tuple[Row
     Raises
     ------
     WriteError
-        The journal cannot be written.
+        The journal cannot be written, or the results.
     """
     digests = {label: resume.digest(each) for label, each in plan.configurations.items()}
     wanted = Wanted(
@@ -97,6 +97,8 @@ def run(logs: Sequence[Log], plan: Plan, journal: Journal) -> Iterator[tuple[Row
         if missing:
             tasks.append((log, tuple(missing)))
     if tasks:
+        if plan.results is not None:
+            store.begin(plan.results)
         for row in _run(tasks, plan, digests):
             journal.append([row])
             yield row, False

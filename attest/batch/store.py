@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from attest.batch.task import Task
 
 COMMITTED = ".committed"
+ABOUT = b"The rows of attest batch that are the results; what is beside them and in none is not.\n"
 OBJECTS = ("s3", "gs")
 """Protocols of stores without folders, that put an object only if there is none."""
 
@@ -137,6 +138,19 @@ class Store:
         if self._place is None:
             self._place = self._stack.enter_context(urls.opened(self._task.output))
         return self._place
+
+
+def begin(url: str) -> None:
+    """Put a note into an output, which tells whether we may before any log is run.
+
+    Raises
+    ------
+    WriteError
+        The server refuses, or there is no such bucket.
+    """
+    with urls.opened(url) as place, urls.telling(url, WriteError):
+        _make(place, place.below(COMMITTED))
+        place.fs.pipe_file(place.below(COMMITTED, "about.txt"), ABOUT)
 
 
 def there(url: str) -> frozenset[str]:

@@ -135,7 +135,7 @@ def telling(url: str, kind: type[AttestError] = ReadError) -> Iterator[None]:
     except AttestError:
         raise
     except ImportError as error:
-        raise ConfigError(f"{shown(url)}: {_short(error)}. Install it: {EXTRA}.") from error
+        raise ConfigError(f"{shown(url)}: {_short(error)}: {EXTRA}.") from error
     except FileNotFoundError as error:
         raise kind(f"{shown(url)}: no such bucket, folder or object. Check the URL.") from error
     except MemoryError:
@@ -151,4 +151,7 @@ def telling(url: str, kind: type[AttestError] = ReadError) -> Iterator[None]:
 
 
 def _short(error: Exception) -> str:
-    return " ".join(str(error).split())[:300].rstrip(".") or type(error).__name__
+    return (
+        " ".join(str(getattr(error, "strerror", None) or error).split())[:300].rstrip(".")
+        or type(error).__name__
+    )
