@@ -50,8 +50,9 @@ def stamp_of(infos: Sequence[Info]) -> Stamp:
 
 def contents(place: Place) -> list[Info]:
     """Return what is told of an object, or of the files in a folder that is a log."""
-    if place.fs.isfile(place.path):
-        return [place.fs.info(place.path)]
+    info = place.fs.info(place.path)
+    if info["type"] == "file":
+        return [info]
     inside = place.fs.ls(place.path, detail=True)
     return [info for info in inside if info["type"] == "file"]
 

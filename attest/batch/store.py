@@ -39,6 +39,8 @@ class Store:
         self._place: Place | None = None
         self._folder = ""
         """Of the attempt that is under way, below the output; none where it is over."""
+        self._rows: dict[str, str] = {}
+        """Where the row of an observer is to be, by label."""
         self._stack = ExitStack()
 
     def __enter__(self) -> Self:
@@ -49,9 +51,31 @@ class Store:
         self._stack.close()
 
     def found(self, label: str) -> Row | None:
-        """Return the row of an observer that was committed by an earlier attempt."""
+        """Return the row of an observer that an earlier attempt committed, if all of it is there.
+
+        Raises
+        ------
+        WriteError
+            The server refuses.
+        """
+        above, key = _above(self._task, label), _key(self._task, label)[:32]
         with urls.telling(self._task.output, WriteError):
-            return self._read(_row_path(self._task, label))
+            known = [
+                path for path in _files(self._at(), above) if path.startswith(f"{above}/{key}.")
+            ]
+            known = [path for path in known if path.endswith(".json")]
+            for path in known:
+                row = self._read(path)
+                if row is not None and self._is_whole(row):
+                    return row
+        taken = [int(path.split(".")[-2]) for path in known]
+        self._rows[label] = f"{above}/{key}.{max(taken, default=-1) + 1}.json"
+        return None
+
+    def _is_whole(self, row: Row) -> bool:
+        """Whether nobody has removed a file of a result."""
+        place = self._at()
+        return all(place.fs.exists(place.below(row["folder"], name)) for name in row["outputs"])
 
     def folder(self, label: str) -> Path:
         """Return a folder of this machine to write the results in, for a new attempt."""
@@ -86,7 +110,7 @@ class Store:
         WriteError
             The server refuses.
         """
-        path = _row_path(self._task, label)
+        path = self._rows[label]
         with urls.telling(self._task.output, WriteError):
             try:
                 _put_new(self._at(), path, json.dumps(row).encode())
@@ -98,7 +122,7 @@ class Store:
                     self.discard()
                     return first
             self._folder = ""
-            self._tidy(label, row["folder"])
+            self._tidy(path, row["folder"])
         return row
 
     def discard(self) -> None:
@@ -108,11 +132,10 @@ class Store:
                 _remove(self._at(), _files(self._at(), self._folder))
         self._folder = ""
 
-    def _tidy(self, label: str, ours: str) -> None:
+    def _tidy(self, kept: str, ours: str) -> None:
         """Remove results that this one replaces, and what attempts that died left of this one."""
         with suppress(Exception):  # they are in nobody's way
-            place, task = self._at(), self._task
-            kept = _row_path(task, label)
+            place = self._at()
             for path in _files(place, kept.rpartition("/")[0]):
                 if path != kept and path.endswith(".json"):
                     old = self._read(path)
@@ -188,10 +211,10 @@ def _key(task: "Task", label: str) -> str:
     return hashlib.sha256(json.dumps(what).encode()).hexdigest()
 
 
-def _row_path(task: "Task", label: str) -> str:
-    """Return where the row of a log and an observer is; all that it ever had are side by side."""
+def _above(task: "Task", label: str) -> str:
+    """Return the folder of the rows of a log and an observer, whatever they were made with."""
     who = hashlib.sha256(json.dumps((task.log, label)).encode()).hexdigest()[:32]
-    return f"{COMMITTED}/{who}/{_key(task, label)[:32]}.json"
+    return f"{COMMITTED}/{who}"
 
 
 def _put_new(place: Place, path: str, data: bytes) -> None:
