@@ -65,7 +65,8 @@ def _connected(address: str) -> "Iterator[Client]":
         from distributed import Client
     except ImportError as error:
         raise ConfigError(f"--cluster: {error}: {EXTRA}.") from error
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is told in a line
+    for name in ("distributed", "distributed.client"):  # what matters is told in a line
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         asyncio.run(asyncio.wait_for(_answer(address), PATIENCE_S))
         client = Client(address, timeout=PATIENCE_S, set_as_default=False)
