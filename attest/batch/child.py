@@ -99,7 +99,3 @@ def _listen(told: BinaryIO, lines: "SimpleQueue[bytes]") -> None:
 
 def _end(*_: object) -> NoReturn:
     sys.exit(1)
-
-
-if __name__ == "__main__":
-    main()

@@ -65,8 +65,8 @@ def _connected(address: str) -> "Iterator[Client]":
         from distributed import Client
     except ImportError as error:
         raise ConfigError(f"--cluster: {error}: {EXTRA}.") from error
-    for name in ("distributed", "distributed.client"):  # what matters is told in a line
-        logging.getLogger(name).setLevel(logging.CRITICAL)
+    for name in ("distributed", "distributed.client", "tornado", "asyncio"):
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)  # what matters is told in a line
     try:
         asyncio.run(asyncio.wait_for(_answer(address), PATIENCE_S))
         client = Client(address, timeout=PATIENCE_S, set_as_default=False)
@@ -97,16 +97,34 @@ def _ended(client: "Client", tasks: Iterator[Task], job: Job, address: str) -> I
     futures = as_completed(with_results=True, raise_errors=False, loop=client.loop)
     numbered = enumerate(tasks)
     while True:
-        room = max(LEAST, AHEAD * sum(client.nthreads().values())) - len(under_way)
+        with _telling(address):
+            room = max(LEAST, AHEAD * sum(client.nthreads().values())) - len(under_way)
         for number, task in islice(numbered, max(room, 0)):
             key, line = f"attest-{job.token}-{number}", json.dumps(asdict(task))
             under_way[key] = task
             what = (attest.__version__, told, line)
-            futures.add(client.submit(served.run, *what, key=key, retries=RETRIES, pure=False))
+            with _telling(address):
+                futures.add(client.submit(served.run, *what, key=key, retries=RETRIES, pure=False))
         if not under_way:
             return
-        future, outcome = next(futures)
+        with _telling(address):
+            future, outcome = next(futures)
         yield from _rows(under_way.pop(future.key), future.status, outcome, address)
+
+
+@contextmanager
+def _telling(address: str) -> Iterator[None]:
+    """Tell in one line that the scheduler is gone, which Dask does in many ways."""
+    try:
+        yield
+    except Exception as error:
+        raise _gone(address) from error
+
+
+def _gone(address: str) -> ClusterError:
+    return ClusterError(
+        f"--cluster {address}: the scheduler is gone. Run it again: what is done is kept."
+    )
 
 
 def _rows(task: Task, status: str, outcome: Any, address: str) -> Iterator[Row]:
@@ -123,9 +141,7 @@ def _rows(task: Task, status: str, outcome: Any, address: str) -> Iterator[Row]:
             f"{attest.__version__} where the workers are."
         )
     if status != "error":
-        raise ClusterError(
-            f"--cluster {address}: the scheduler is gone. Run it again: what is done is kept."
-        )
+        raise _gone(address)
     for label in task.observers:
         row = rows.unfinished(task, label, "crashed", _cause(error))
         yield row | {"sha256": None, "total_s": None}

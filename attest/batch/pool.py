@@ -179,17 +179,20 @@ class _Pool:
     def _replaced(
         self, worker: _Worker, status: str, why: Callable[[int | None], str]
     ) -> Iterator[Row]:
-        """End a worker, start another if it is needed, and yield what its task has come to."""
+        """End a worker, yield what its task has come to, and start another if it is needed.
+
+        In this order: whether it is may take a while to be known.
+        """
         self.workers.remove(worker)
         cause = why(worker.end())
         if self._died >= STARTS:
             raise WorkerError(f"no worker comes to its first log: {cause}")
-        if self.has_more() or not self.proven:
-            self.start()
         if worker.task is not None:
             told = {"sha256": worker.sha256, "total_s": round(monotonic() - worker.began, 4)}
             for label in worker.left:
                 yield rows.unfinished(worker.task, label, status, cause) | told | self._allowed()
+        if self.has_more() or not self.proven:
+            self.start()
 
     def _late(self, _: int | None) -> str:
         return f"not done in {self._limits.timeout_s:g} s. Raise --timeout, or cut the log."

@@ -8,7 +8,7 @@ import os
 import subprocess
 import sys
 import threading
-from collections import defaultdict
+from collections import defaultdict, deque
 from contextlib import suppress
 
 import attest
@@ -20,6 +20,8 @@ _Child = subprocess.Popen[str]
 _idle: defaultdict[str, list[_Child]] = defaultdict(list)
 _busy: defaultdict[str, set[_Child]] = defaultdict(set)
 """By the batch that they run for."""
+_over: deque[str] = deque(maxlen=100)
+"""Batches that are at their end, whose last tasks may still come."""
 _lock = threading.Lock()
 
 
@@ -42,6 +44,8 @@ def run(version: str, job: str, task: str) -> list[str]:
             f"a worker has attest {attest.__version__}, and this is {version}. Install the same."
         )
     token = job_of(job).token
+    if token in _over:
+        raise ChildError("the batch is at its end")
     child = _taken(token) or _started(token, job)
     try:
         rows = list(_answered(child, task))
@@ -51,13 +55,18 @@ def run(version: str, job: str, task: str) -> list[str]:
         with _lock:
             _busy[token].discard(child)
     with _lock:
-        _idle[token].append(child)
+        over = token in _over
+        if not over:
+            _idle[token].append(child)
+    if over:
+        _close(child)
     return rows
 
 
 def end(token: str) -> None:
     """End what runs for a batch."""
     with _lock:
+        _over.append(token)
         children = [*_idle.pop(token, ()), *_busy.pop(token, ())]
     for child in children:
         _close(child)
@@ -78,7 +87,7 @@ def _taken(token: str) -> _Child | None:
 def _started(token: str, job: str) -> _Child:
     """Start a process that finds the same modules; a worker's own may have no children."""
     child = subprocess.Popen(
-        [sys.executable, "-m", "attest.batch.child"],
+        [sys.executable, "-c", "from attest.batch.child import main; main()"],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         encoding="ascii",
@@ -87,7 +96,10 @@ def _started(token: str, job: str) -> _Child:
     )
     with _lock:
         _busy[token].add(child)
-    if child.stdin is not None:
+        over = token in _over
+    if over:
+        _close(child)
+    elif child.stdin is not None:
         with suppress(OSError):  # then the task finds it dead
             child.stdin.write(f"{job}\n")
             child.stdin.flush()
