@@ -37,7 +37,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--jobs": {
         "default": 0,
         "type": click.IntRange(0, 1024),
-        "help": "Logs that run at the same time; 0: one for each processor.",
+        "help": "Logs that run at the same time here; 0: one for each processor.",
     },
     "--timeout": {
         "default": 3600.0,

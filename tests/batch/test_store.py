@@ -24,6 +24,8 @@ from attest.errors import ConfigError, ReadError, WriteError
 NAMES = ("a.csv", "evening é/b c.csv", "evening é/[x]*?.csv", "evening é/b c/d.csv")
 RACERS = 6
 
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="names that Windows has not")
+
 
 @pytest.fixture
 def flight(sample_logs, tmp_path):
