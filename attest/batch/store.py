@@ -9,6 +9,7 @@ what it has put, and takes the first one's row. Nobody looks at files that no ro
 import hashlib
 import json
 import os
+import re
 from collections.abc import Iterable, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
@@ -58,18 +59,17 @@ class Store:
         WriteError
             The server refuses.
         """
-        above, key = _above(self._task, label), _key(self._task, label)[:32]
+        begins = f"{_above(self._task, label)}/{_key(self._task, label)[:32]}"
+        row_of_it = re.compile(re.escape(begins) + r"\.(\d{1,9})\.json")
+        taken = [-1]
         with urls.telling(self._task.output, WriteError):
-            known = [
-                path for path in _files(self._at(), above) if path.startswith(f"{above}/{key}.")
-            ]
-            known = [path for path in known if path.endswith(".json")]
-            for path in known:
-                row = self._read(path)
-                if row is not None and self._is_whole(row):
-                    return row
-        taken = [int(path.split(".")[-2]) for path in known]
-        self._rows[label] = f"{above}/{key}.{max(taken, default=-1) + 1}.json"
+            for path in _files(self._at(), begins.rpartition("/")[0]):
+                if match := row_of_it.fullmatch(path):
+                    taken.append(int(match[1]))
+                    row = self._read(path)
+                    if row is not None and self._is_whole(row):
+                        return row
+        self._rows[label] = f"{begins}.{max(taken) + 1}.json"
         return None
 
     def _is_whole(self, row: Row) -> bool:
@@ -143,19 +143,18 @@ class Store:
                     if old is not None and old["folder"] != ours:
                         _remove(place, [f"{old['folder']}/{name}" for name in old["outputs"]])
             alike = ours.rpartition(".")[0] + "."
-            others = [
-                path
-                for path in _files(place, ours.rpartition("/")[0])
-                if path.startswith(alike) and not path.startswith(f"{ours}/")
-            ]
-            _remove(place, others)
+            others = _files_of(place, alike)
+            _remove(place, [path for path in others if not path.startswith(f"{ours}/")])
 
     def _read(self, path: str) -> Row | None:
+        """Return a row; None where there is none, or one that is torn or not ours."""
         try:
-            row: Row = json.loads(self._at().fs.cat_file(self._at().below(path)))
-        except FileNotFoundError:
+            row = json.loads(self._at().fs.cat_file(self._at().below(path)))
+            inside = [row["folder"], *row["outputs"]]
+            fits = not any(".." in str(name).split("/") for name in inside)
+        except (FileNotFoundError, ValueError, KeyError, TypeError):
             return None
-        return row
+        return row if fits and isinstance(row, dict) else None
 
     def _at(self) -> Place:
         if self._place is None:
@@ -228,6 +227,9 @@ def _put_new(place: Place, path: str, data: bytes) -> None:
     try:
         with place.fs.open(part, "wb") as file:
             file.write(data)
+            if place.protocol == "file":
+                file.flush()
+                os.fsync(file.fileno())
         if place.protocol == "sftp":
             place.fs.ftp.rename(part, target)  # of SFTP itself: it refuses to replace
         else:
@@ -254,6 +256,20 @@ def _files(place: Place, folder: str) -> list[str]:
         found = place.fs.find(place.below(folder) if folder else place.path)
     except FileNotFoundError:
         return []
+    base = place.path.rstrip("/") + "/"
+    return [path.removeprefix(base) for path in found]
+
+
+def _files_of(place: Place, alike: str) -> list[str]:
+    """Return the paths of the files in all folders whose paths begin alike."""
+    folder, _, name = alike.rpartition("/")
+    where = place.below(folder)
+    if place.protocol in OBJECTS:
+        found = place.fs.find(where, prefix=name)
+    else:
+        inside = place.fs.ls(where, detail=False)
+        fit = [path for path in inside if path.rpartition("/")[2].startswith(name)]
+        found = [file for path in fit for file in place.fs.find(path)]
     base = place.path.rstrip("/") + "/"
     return [path.removeprefix(base) for path in found]
 

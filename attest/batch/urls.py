@@ -1,5 +1,6 @@
 """URLs of logs and results, and what stands behind them; what goes wrong there is one line."""
 
+import errno
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -141,7 +142,9 @@ def telling(url: str, kind: type[AttestError] = ReadError) -> Iterator[None]:
     except MemoryError:
         raise
     except Exception as error:
-        if isinstance(error, PermissionError) or "Credential" in type(error).__name__:
+        if getattr(error, "errno", None) == errno.ENOSPC:
+            what = "no space left. Free some where it runs, or set TMPDIR to a larger folder"
+        elif isinstance(error, PermissionError) or "Credential" in type(error).__name__:
             what = f"access is refused: {_short(error)}. Check the credentials where it runs"
         elif "Authentication" in type(error).__name__:
             what = f"access is refused: {_short(error)}. Check the keys where it runs"

@@ -232,6 +232,22 @@ def test_what_is_cut_off_half_way_is_no_result_and_is_tidied_later(output):
     dead._stack.close()
 
 
+@pytest.mark.parametrize("row", [b"", b"[]", b'{"folder": "../..", "outputs": []}'])
+def test_row_that_is_torn_is_none_and_in_nobodys_way(output, row):
+    with store.Store(job(output)) as mine:
+        assert mine.found("cgo") is None
+        mine.commit("cgo", attempt(mine, "first"))
+    with urls.opened(output) as place:
+        (path,) = (path for path in store.there(output) if path.endswith("0.json"))
+        place.fs.pipe_file(place.below(path), row)
+    with store.Store(job(output)) as mine:
+        assert mine.found("cgo") is None
+        made = mine.commit("cgo", attempt(mine, "second"))
+    with store.Store(job(output)) as later:
+        assert later.found("cgo") == made
+    assert set(contents(output).values()) == {"second"}
+
+
 def test_attempt_that_fails_leaves_nothing(output):
     with store.Store(job(output)) as mine:
         attempt(mine, "unwanted")
@@ -357,3 +373,16 @@ def test_missing_library_says_what_to_install(module, arguments, tmp_path):
     assert found.returncode == 2
     assert found.stderr.count("\n") == 1
     assert "pip install 'attest[cluster]'." in found.stderr
+
+
+def test_one_machine_needs_none_of_the_libraries(tmp_path):
+    (tmp_path / "empty.BIN").touch()
+    names = ["fsspec", "s3fs", "distributed", "dask", "paramiko"]
+    code = f"import sys; sys.modules.update(dict.fromkeys({names}))\n"
+    code += "from attest.cli import main\nif __name__ == '__main__': main()\n"
+    (tmp_path / "main.py").write_text(code)
+    call = [sys.executable, str(tmp_path / "main.py"), "batch", str(tmp_path / "empty.BIN")]
+    options = ["--jobs", "1", "-o", "paper/cgo", "--write", "json", "--output", str(tmp_path)]
+    found = subprocess.run([*call, *options], capture_output=True, text=True, check=False)
+    assert found.stdout.startswith("1 logs: 1 failed\n"), found.stderr
+    assert "the file is empty" in found.stderr
