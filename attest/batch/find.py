@@ -9,12 +9,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from attest import readers
+from attest.batch import urls
+from attest.batch.listing import SUFFIXES, Stamp, listed
 from attest.config import Csv
 from attest.errors import ConfigError, ReadError
 
-SUFFIXES = frozenset({".tlog", ".bin", ".ulg", ".bag", ".mcap", ".db3"})
-"""Names that logs alone have: such a file in a folder is one of them even if it is not readable."""
-OWN = frozenset({"journal.jsonl", "summary.csv", "summary.parquet", "index.html", ".kernels"})
+OWN = frozenset(
+    {"journal.jsonl", "summary.csv", "summary.parquet", "index.html", "fleet.html", "fleet.csv"}
+    | {".kernels", ".committed"}
+)
 """Names in the output that are not for the results of a log."""
 
 
@@ -23,12 +26,14 @@ class Log:
     """A log that is to be run."""
 
     path: str
-    """Absolute."""
+    """Absolute, or a URL."""
     size: int
     """Bytes; 0 where the system does not tell."""
     mtime_ns: int
     folder: str
     """Of its results, below the output."""
+    etag: str = ""
+    """What an object store tells of its content."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,21 +53,25 @@ def names_in(data: bytes) -> list[str]:
     return [os.fsdecode(name) for name in each if name]
 
 
-def find(named: Sequence[str], output: Path, csv: Csv | None = None) -> Found:
-    """Return the logs that files, folders and patterns stand for; the output is not looked into.
+def find(
+    named: Sequence[str], output: Path, csv: Csv | None = None, results: str | None = None
+) -> Found:
+    """Return the logs that files, folders, patterns and URLs stand for.
+
+    Neither the output nor the URL of the results is looked into.
 
     Raises
     ------
     ReadError
         There is none.
     ConfigError
-        A name is empty, which would stand for the working folder.
+        A name is empty, which would stand for the working folder, or a URL that is not known.
     """
     if "" in named:
         raise ConfigError("an empty name for a log. Name a log, or a folder with logs.")
-    walk = _Walk(output, csv)
+    walk = _Walk(output, csv, results)
     paths, roots = list[str](), set[str]()
-    for name in named:
+    for name in map(urls.checked, named):
         root, inside = walk.below(name)
         paths += inside
         roots.add(root)
@@ -74,24 +83,35 @@ def find(named: Sequence[str], output: Path, csv: Csv | None = None) -> Found:
         raise ReadError(f"{where}: {what} in this folder. Name a log, or a folder with logs.")
     paths = list(dict.fromkeys(paths))
     folders = _folders(paths, common(roots))
-    logs = [_log(path, folder) for path, folder in zip(paths, folders, strict=True)]
+    logs = [walk.log(path, folder) for path, folder in zip(paths, folders, strict=True)]
     return Found(tuple(sorted(logs, key=lambda log: (-log.size, log.path))), walk.left_out)
 
 
 class _Walk:
     """A search through folders, which counts what it leaves out."""
 
-    def __init__(self, output: Path, csv: Csv | None) -> None:
+    def __init__(self, output: Path, csv: Csv | None, results: str | None) -> None:
         self.left_out = 0
-        self._output, self._csv = output.resolve(), csv
+        self._output, self._csv, self._results = output.resolve(), csv, results
+        self._stamps: dict[str, Stamp] = {}
+
+    def log(self, path: str, folder: str) -> Log:
+        """Return a log that was found."""
+        found = self._stamps.get(path) or Stamp(*stamp(path))
+        return Log(path, found.size, found.mtime_ns, folder, found.etag)
 
     def below(self, name: str) -> tuple[str, list[str]]:
         """Return the folder that a name's logs are below, and the logs."""
+        if urls.is_url(name):
+            found = listed(name, self._csv, self._results)
+            self.left_out += found.left_out
+            self._stamps |= found.logs
+            return found.root, list(found.logs)
         if not os.path.lexists(name) and glob.has_magic(name):
-            found = sorted(glob.glob(name, recursive=True))  # noqa: PTH207  may be absolute
-            if not found:
+            fits = sorted(glob.glob(name, recursive=True))  # noqa: PTH207  may be absolute
+            if not fits:
                 raise ReadError(f"{name}: nothing fits this pattern. Name a log, or a folder.")
-            inside = [path for one in found for path in self.below(one)[1]]
+            inside = [path for one in fits for path in self.below(one)[1]]
             return str(_absolute(_fixed(name))), inside
         path = _absolute(Path(name))
         if not _holds(path.is_dir) or readers.is_log(path):
@@ -165,11 +185,6 @@ def common(roots: Collection[str]) -> str | None:
         return os.path.commonpath(roots)
     except ValueError:
         return None
-
-
-def _log(path: str, folder: str) -> Log:
-    size, mtime_ns = stamp(path)
-    return Log(path, size, mtime_ns, folder)
 
 
 def stamp(path: str) -> tuple[int, int]:

@@ -4,6 +4,7 @@ Each has a pipe of its own, and no lock is shared: what dies holds up no other. 
 task at a time, so that it is known which one ended it, and is then replaced.
 """
 
+import shutil
 import signal
 import sys
 from collections.abc import Callable, Iterator
@@ -12,13 +13,14 @@ from dataclasses import dataclass, field
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
+from pathlib import Path
 from time import monotonic
 
 from attest.batch import rows
 from attest.batch.resume import Limits
 from attest.batch.rows import Row
 from attest.batch.task import Task
-from attest.batch.worker import Settings, work
+from attest.batch.worker import Settings, scratch_of, work
 from attest.errors import AttestError
 
 STARTS = 3
@@ -35,6 +37,7 @@ class _Worker:
 
     process: BaseProcess
     connection: Connection
+    scratch: Path | None
     ready: bool = False
     task: Task | None = None
     began: float = 0.0
@@ -57,6 +60,8 @@ class _Worker:
         code = self.process.exitcode
         self.process.close()
         self.connection.close()
+        if self.scratch is not None:
+            shutil.rmtree(self.scratch, ignore_errors=True)
         return code
 
 
@@ -108,7 +113,9 @@ class _Pool:
         with _deaf():
             process.start()
         theirs.close()
-        self.workers.append(_Worker(process, ours))
+        scratch = self._settings.scratch
+        its = scratch_of(scratch, process.pid) if scratch and process.pid else None
+        self.workers.append(_Worker(process, ours, its))
 
     def step(self) -> Iterator[Row]:
         """Wait until something happens, and yield what ended by it."""
@@ -172,17 +179,20 @@ class _Pool:
     def _replaced(
         self, worker: _Worker, status: str, why: Callable[[int | None], str]
     ) -> Iterator[Row]:
-        """End a worker, start another if it is needed, and yield what its task has come to."""
+        """End a worker, yield what its task has come to, and start another if it is needed.
+
+        In this order: whether it is may take a while to be known.
+        """
         self.workers.remove(worker)
         cause = why(worker.end())
         if self._died >= STARTS:
             raise WorkerError(f"no worker comes to its first log: {cause}")
-        if self.has_more() or not self.proven:
-            self.start()
         if worker.task is not None:
             told = {"sha256": worker.sha256, "total_s": round(monotonic() - worker.began, 4)}
             for label in worker.left:
                 yield rows.unfinished(worker.task, label, status, cause) | told | self._allowed()
+        if self.has_more() or not self.proven:
+            self.start()
 
     def _late(self, _: int | None) -> str:
         return f"not done in {self._limits.timeout_s:g} s. Raise --timeout, or cut the log."

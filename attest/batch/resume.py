@@ -2,11 +2,13 @@
 
 import hashlib
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import attest
 from attest import config, report
+from attest.batch import urls
 from attest.batch.find import Log
 from attest.batch.journal import Journal
 from attest.batch.rows import Row
@@ -27,7 +29,8 @@ class Limits:
 class Wanted:
     """What a row must have been made with to be taken again."""
 
-    output: Path
+    is_there: Callable[[str], bool]
+    """Whether a file is, by its path below the output."""
     digests: dict[str, str]
     """Of the configurations, by the observers' labels."""
     kinds: tuple[str, ...]
@@ -58,8 +61,10 @@ def still_good(journal: Journal, log: Log, label: str, wanted: Wanted) -> Row | 
         return None
     if row.get("sha256") is None:
         return None
-    if (row["size"], row["mtime_ns"]) == (log.size, log.mtime_ns):
+    if (row["size"], row["mtime_ns"], row.get("etag", "")) == (log.size, log.mtime_ns, log.etag):
         return row
+    if urls.is_url(log.path):
+        return None
     try:
         same = report.sha256(Path(log.path)) == row["sha256"]
     except ReadError:
@@ -84,7 +89,6 @@ def _written(row: Row, wanted: Wanted) -> bool:
     """Whether the results that are wanted are all there."""
     if row["status"] != "ok":
         return True
-    folder = wanted.output / row["folder"]
     return set(wanted.kinds) <= set(row["kinds"]) and all(
-        (folder / name).is_file() for name in row["outputs"]
+        wanted.is_there(Path(row["folder"], name).as_posix()) for name in row["outputs"]
     )

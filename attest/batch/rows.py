@@ -97,6 +97,7 @@ def _stub(task: "Task", label: str) -> Row:
         "folder": task.folder,
         "size": task.size,
         "mtime_ns": task.mtime_ns,
+        "etag": task.etag,
         "digest": task.digests[label],
         "version": attest.__version__,
         "kinds": list(task.kinds),

@@ -1,15 +1,18 @@
 """One log through all observers: a function of where the log is, how, and where results go."""
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, Self
 
 from attest import config, observers, pipeline, report
-from attest.batch import rows
+from attest.batch import rows, urls
+from attest.batch.fetch import Source
 from attest.batch.find import marked
+from attest.batch.listing import Stamp
 from attest.batch.rows import Row
+from attest.batch.store import Store
 from attest.config import Configuration
 from attest.errors import AttestError, ReadError
 from attest.writers.folders import owners
@@ -25,7 +28,7 @@ class Task:
     size: int
     mtime_ns: int
     output: str
-    """The folder that all results of the batch are below."""
+    """The folder or URL that all results of the batch are below."""
     folder: str
     """Of this log's results, below that."""
     observers: Mapping[str, Mapping[str, Any]]
@@ -34,60 +37,118 @@ class Task:
     """Of these, by label."""
     kinds: tuple[str, ...]
     """What is written beside the JSON."""
+    etag: str = ""
+    """What an object store tells of the log's content."""
+    again: str = ""
+    """What sets a batch apart that takes no results of earlier ones."""
 
 
 def run(task: Task, tell: Callable[[str], None] | None = None) -> Iterator[Row]:
     """Run a log through its observers, and yield a row for each as it ends.
 
     The log's digest is told before the log is read: should reading it end the process, it is known
-    which content did. No error ends a task: it is told in the row.
+    which content did. No error ends a task: it is told in the row. What another worker has
+    committed is not made again.
     """
-    sha256, opened = None, _Opened(Path(task.log))
-    for label, document in task.observers.items():
-        began = perf_counter()
-        try:
-            if sha256 is None:
-                sha256 = _digest(Path(task.log))
-                if tell:
-                    tell(sha256)
-            row = _finished(task, label, opened, document)
-        except MemoryError:
-            row = rows.unfinished(task, label, "memory", OUT_OF_MEMORY)
-        except Exception as error:  # noqa: BLE001  a fault of ours is no end of the batch either
-            row = rows.unfinished(task, label, "failed", _line(error))
-            row["final"] = isinstance(error, ReadError) and sha256 is not None
-        yield row | {"sha256": sha256, "total_s": round(perf_counter() - began, 4)}
+    with (
+        Source(task.log, Stamp(task.size, task.mtime_ns, task.etag)) as source,
+        Store(task) if urls.is_url(task.output) else _Folder(task) as store,
+    ):
+        opened = _Opened(source, tell)
+        for label in task.observers:
+            yield _ended(task, label, opened, store)
 
 
-def _finished(task: Task, label: str, opened: "_Opened", document: Mapping[str, Any]) -> Row:
+def _ended(task: Task, label: str, opened: "_Opened", store: "Store | _Folder") -> Row:
+    """Run one observer, and return what it came to."""
+    began = perf_counter()
+
+    def known() -> Row:
+        return {"sha256": opened.sha256, "total_s": round(perf_counter() - began, 4)}
+
+    try:
+        row = store.found(label)
+        if row is None:
+            opened.begin()
+            row = store.commit(label, _finished(task, label, opened, store) | known())
+    except MemoryError:
+        row = rows.unfinished(task, label, "memory", OUT_OF_MEMORY) | known()
+    except Exception as error:  # noqa: BLE001  a fault of ours is no end of the batch either
+        row = rows.unfinished(task, label, "failed", opened.source.named(_line(error))) | known()
+        row["final"] = isinstance(error, ReadError) and opened.sha256 is not None
+    finally:
+        store.discard()
+    return row
+
+
+def _finished(task: Task, label: str, opened: "_Opened", store: "Store | _Folder") -> Row:
     """Run one observer, write its results, and return its row."""
+    document = task.observers[label]
     model = observers.get(str(document["observer"])).config
     configuration = config.validate(model, document, label)
     result = pipeline.observe(opened.by(configuration), configuration, label=label)
+    result = replace(result, summary=opened.source.told(result.summary))
     began = perf_counter()
-    folder = _own(task)
-    written = pipeline.write([result], Path(task.output, folder), kinds=task.kinds)
+    written = pipeline.write([result], store.folder(label), kinds=task.kinds)
+    folder = store.put(written)
     took = perf_counter() - began
     names = [path.name for path in written]
     return rows.finished(task, label, result.summary, names, took) | {"folder": folder}
 
 
-def _own(task: Task) -> str:
-    """Return the folder of the log's results, or another where an earlier call left a log's there.
+class _Folder:
+    """The results of a task in a folder of this machine, where no other process makes them."""
 
-    That log may well have had the same path below another folder.
-    """
-    others = owners(Path(task.output, task.folder)) - {str(Path(task.log).resolve())}
-    return marked(task.folder, task.log) if others else task.folder
+    def __init__(self, task: Task) -> None:
+        self._task, self._own = task, ""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Leave all as it is."""
+
+    def found(self, label: str) -> None:
+        """Return nothing: what was done before is in the journal."""
+
+    def folder(self, label: str) -> Path:  # noqa: ARG002
+        """Return where to write, or another place where an earlier call left a log's results.
+
+        That log may well have had the same path below another folder.
+        """
+        task = self._task
+        others = owners(Path(task.output, task.folder)) - {str(Path(task.log).resolve())}
+        self._own = marked(task.folder, task.log) if others else task.folder
+        return Path(task.output, self._own)
+
+    def put(self, written: Sequence[Path]) -> str:  # noqa: ARG002
+        """Return the folder of what is written."""
+        return self._own
+
+    def commit(self, label: str, row: Row) -> Row:  # noqa: ARG002
+        """Return the row: each file was renamed when it was whole."""
+        return row
+
+    def discard(self) -> None:
+        """Leave all as it is."""
 
 
 class _Opened:
     """A log that is read again only for an observer that reads it in another way."""
 
-    def __init__(self, log: Path) -> None:
-        self._log = log
+    def __init__(self, source: Source, tell: Callable[[str], None] | None) -> None:
+        self.source = source
+        self.sha256: str | None = None
+        self._tell = tell
         self._how: object = None
         self._found: pipeline.Opened | AttestError | None = None
+
+    def begin(self) -> None:
+        """Bring the log, and tell its digest."""
+        if self.sha256 is None:
+            self.sha256 = _digest(self.source.path())
+            if self._tell:
+                self._tell(self.sha256)
 
     def by(self, configuration: Configuration) -> pipeline.Opened:
         """Return the log as a configuration reads it; what cannot be read is not tried again."""
@@ -95,7 +156,7 @@ class _Opened:
         if self._found is None or self._how != how:
             self._found, self._how = None, how  # the old one goes before the new one comes
             try:
-                self._found = pipeline.opened(self._log, configuration)
+                self._found = pipeline.opened(self.source.path(), configuration)
             except AttestError as error:
                 self._found = error
         if isinstance(self._found, AttestError):

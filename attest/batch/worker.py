@@ -4,10 +4,11 @@ import ctypes
 import os
 import signal
 import sys
+import tempfile
 import threading
 import warnings
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing import parent_process
 from multiprocessing.connection import Connection
@@ -29,6 +30,25 @@ class Settings:
     """How much it may take beside what it takes before its first log."""
     prepare: tuple[Callable[[], object], ...]
     """Called before the first log, so that this is not counted as its time."""
+    scratch: str | None = None
+    """For temporary files, in a folder of each worker's own; None: where the system keeps them."""
+
+
+@contextmanager
+def scratch() -> Iterator[str | None]:
+    """Give a folder for `Settings.scratch`; None where there is no room for one."""
+    with ExitStack() as stack:
+        try:
+            made = tempfile.TemporaryDirectory(prefix="attest-", ignore_cleanup_errors=True)
+            folder = stack.enter_context(made)
+        except OSError:
+            folder = None
+        yield folder
+
+
+def scratch_of(scratch: str, pid: int) -> Path:
+    """Return the folder of a worker's temporary files, which outlive one that is killed."""
+    return Path(scratch, str(pid))
 
 
 def work(connection: Connection, settings: Settings) -> None:
@@ -38,6 +58,8 @@ def work(connection: Connection, settings: Settings) -> None:
     warnings.simplefilter("ignore", RuntimeWarning)  # of hostile logs, as on the command line
     if settings.kernels is not None:
         os.environ["NUMBA_CACHE_DIR"] = settings.kernels
+    if settings.scratch is not None:
+        _keep_below(scratch_of(settings.scratch, os.getpid()))
     for prepare in settings.prepare:
         prepare()
     if settings.memory_gb is not None:
@@ -71,6 +93,13 @@ def _end_with_parent() -> None:
 def _follow(parent_ends: Callable[[], object]) -> None:
     parent_ends()
     os._exit(1)
+
+
+def _keep_below(folder: Path) -> None:
+    """Keep temporary files in a folder."""
+    with suppress(OSError):  # then the first log tells
+        folder.mkdir(parents=True, exist_ok=True)
+    tempfile.tempdir = str(folder)
 
 
 def _bound(memory_gb: float) -> None:

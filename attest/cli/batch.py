@@ -17,7 +17,6 @@ from attest.cli.options import (
     finite,
     json_option,
     log_options,
-    output_option,
     quiet_option,
 )
 from attest.errors import ConfigError, ReadError
@@ -38,7 +37,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--jobs": {
         "default": 0,
         "type": click.IntRange(0, 1024),
-        "help": "Logs that run at the same time; 0: one for each processor.",
+        "help": "Logs that run at the same time here; 0: one for each processor.",
     },
     "--timeout": {
         "default": 3600.0,
@@ -78,6 +77,7 @@ Examples:
   attest batch 'flights/**/*.BIN' --write json --timeout 60
   find /logs -name '*.ulg' -print0 | attest batch - --json
   attest batch @logs.txt --retry
+  attest batch s3://flights/2026/ --output s3://results/2026 --cluster tcp://scheduler:8786
 """
 )
 @click.argument("paths", nargs=-1, required=True, metavar="PATH...")
@@ -86,7 +86,21 @@ Examples:
 @click.option("--retry", is_flag=True, help="Do again what did not end well.")
 @assignments_option
 @log_options
-@output_option
+@click.option(
+    "--output", default="attest_out", metavar="DIR|URL", help="Folder, or s3://, gs://, sftp://."
+)
+@click.option(
+    "--journal",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Folder for the journal and the summary of an output at a URL.  "
+    "[default: one in attest_out/]",
+)
+@click.option(
+    "--cluster",
+    metavar="URL",
+    help="Run on this Dask scheduler's workers, such as tcp://host:8786.",
+)
 @quiet_option
 @json_option
 def batch(
@@ -94,7 +108,7 @@ def batch(
     paths: tuple[str, ...],
     observers: tuple[str, ...],
     assignments: tuple[str, ...],
-    output: Path,
+    output: str,
     quiet: bool,
     as_json: bool,
     **choices: Any,
@@ -102,7 +116,8 @@ def batch(
     """Run observers over many logs: each once, in parallel, whatever happens to one of them.
 
     PATH is a log, a folder, a pattern, @FILE with a path a line (or a zero byte after each), or -
-    for such a list on stdin. What an earlier call has done is not done again.
+    for such a list on stdin; each may be a URL (s3://, gs://, sftp://, file://). What an earlier
+    call has done is not done again.
     """
     from attest import batch as batches
     from attest import pipeline
@@ -112,7 +127,8 @@ def batch(
         configurations={
             label: pipeline.configure(name, wanted) for label, name in labelled(observers).items()
         },
-        output=output,
+        **batches.place(output, choices["journal"]),
+        cluster=choices["cluster"],
         kinds=tuple(kind for kind in ("mcap", "rrd") if kind in choices["write"]),
         jobs=choices["jobs"],
         limits=batches.Limits(
@@ -130,7 +146,7 @@ def run_batch(paths: tuple[str, ...], plan: "Plan", *, quiet: bool, as_json: boo
 
     named = [name for path in paths for name in _listed(path)]
     csv = next(iter(plan.configurations.values())).input.csv
-    found = batches.find(named, plan.output, csv)
+    found = batches.find(named, plan.output, csv, plan.results)
     counts: Counter[str] = Counter()
     with batches.Journal(plan.output) as journal:
         expected = len(found.logs) * len(plan.configurations)
@@ -140,7 +156,7 @@ def run_batch(paths: tuple[str, ...], plan: "Plan", *, quiet: bool, as_json: boo
                 counts["done before"] += before
                 advance()
                 _tell(row, before=before, as_json=as_json)
-        written = batches.write_results(journal, plan.output)
+        written = batches.write_results(journal, plan.output, plan.results)
     if journal.damaged:
         click.echo(
             f"attest: {journal.path}: {journal.damaged} lines cannot be read: their logs were done "
@@ -148,7 +164,7 @@ def run_batch(paths: tuple[str, ...], plan: "Plan", *, quiet: bool, as_json: boo
             err=True,
         )
     if not (quiet or as_json):
-        click.echo(_text(found, counts, written))
+        click.echo(_text(found, counts, plan.results or f"{plan.output}", written))
     failed = expected - counts["ok"]
     if failed:
         raise ReadError(f"{failed} of {expected} runs did not end well. See {written[0]}.")
@@ -202,7 +218,7 @@ def _tell(row: Row, *, before: bool, as_json: bool) -> None:
         click.echo(f"attest: {' '.join((who + error).split())}", err=True)
 
 
-def _text(found: "Found", counts: Counter[str], written: "list[Path]") -> str:
+def _text(found: "Found", counts: Counter[str], output: str, written: "list[Path]") -> str:
     """Return what came of a batch."""
     statuses = [
         f"{counts[status]:,} {status}"
@@ -215,4 +231,4 @@ def _text(found: "Found", counts: Counter[str], written: "list[Path]") -> str:
     if found.left_out:
         lines.append(f"  left out    {found.left_out:,} that are no logs, or links to folders")
     names = " ".join(path.name for path in written)
-    return "\n".join([*lines, f"  written     {written[0].parent}/  {names}"])
+    return "\n".join([*lines, f"  written     {output.rstrip('/')}/  {names}"])

@@ -177,7 +177,9 @@ def test_what_ran_into_a_limit_is_done_again_with_more(whole, flights):
     output, rows = whole
     hung = next(row for row in rows if row["status"] == "timeout")
     log = next(log for log in batch.find([str(flights)], output).logs if log.path == hung["path"])
-    wanted = resume.Wanted(output=output, digests={"cgo": hung["digest"]}, kinds=(), limits=LIMITS)
+    wanted = resume.Wanted(
+        is_there=lambda _: True, digests={"cgo": hung["digest"]}, kinds=(), limits=LIMITS
+    )
     more = replace(wanted, limits=batch.Limits(timeout_s=4.0))
     with batch.Journal(output) as journal:
         assert resume.still_good(journal, log, "cgo", wanted) == hung
