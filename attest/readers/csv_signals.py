@@ -12,10 +12,13 @@ from attest.geometry import quaternion
 from attest.readers import csv_cells
 from attest.readers.csv_cells import Array, Mask, Rows, Times
 from attest.readers.csv_plan import Attitude, Group, Plan
+from attest.readers.values import any_of
 from attest.recording import Note, Reference, Signal
 
 _UNIT_TOLERANCE = 1e-3
 _STUCK = "whose time does not advance, dropped"
+_LARGEST = 1e100
+"""Of any value in any unit: sums of squares of more may overflow."""
 
 
 class Taken(NamedTuple):
@@ -59,11 +62,13 @@ def _signal(rows: Rows, name: str, group: Group, notes: list[Note]) -> Signal | 
     if name == "position":
         on_earth = (np.abs(y[:, 0]) <= 90.0) & (np.abs(y[:, 1]) <= 180.0)
         t, y = _keep(on_earth, t, y, "position rows off the globe, dropped", notes)
+    if group.factor != 1.0:
+        y *= group.factor
+    usable = ~any_of(np.abs(y) > _LARGEST)
+    t, y = _keep(usable, t, y, f"{name} rows beyond {_LARGEST:g}, dropped", notes)
     if not len(t):
         notes.append(Note(f"signal without a usable row: {name}"))
         return None
-    if group.factor != 1.0:
-        y *= group.factor
     return Signal(t, y, group.source)
 
 

@@ -144,6 +144,12 @@ def test_values_that_are_not_finite_are_dropped_and_counted(load):
     assert notes(recording) == {"gyro rows with a value that is not finite, dropped": 3}
 
 
+def test_values_too_large_to_be_squared_are_dropped_and_counted(load):
+    recording = load(f"{GYRO}\n0,1,2,3\n1,1e308,2,3\n2,1,2,-2e100\n3,1,2,1e100\n4,1,2,3\n")
+    assert recording.signals["gyro"].t.tolist() == [0, 3 * 10**9, 4 * 10**9]
+    assert notes(recording) == {"gyro rows beyond 1e+100, dropped": 2}
+
+
 def test_one_wild_stamp_costs_itself_alone(load):
     rows = "".join(f"{4e9 if i == 500 else i},1,2,3\n" for i in range(1000))
     recording = load(f"{GYRO}\n{rows}")
