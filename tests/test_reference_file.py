@@ -1,8 +1,11 @@
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from ros_logs import KINDS, Log
+from ros_logs import START as ROS_START
 
 from attest import pipeline
 from attest.errors import ConfigError, ReadError
@@ -107,6 +110,30 @@ def test_any_log_with_a_reference_will_do(sample_logs, tmp_path):
     recording = read(log(tmp_path, reference=True), path)
     assert [*recording.references] == [str(path), "ref"]
     assert recording.references[str(path)].kind == "truth"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_ros_log_of_poses_alone_will_do(tmp_path, kind):
+    """As motion capture records it, of a body without sensors."""
+    poses = Log(kind)
+    for i in range(20):
+        pose = {"orientation": {"w": np.cos(0.1 * i), "x": np.sin(0.1 * i)}}
+        poses.add("/vicon/body/pose", "geometry_msgs/msg/PoseStamped", i * 10**8, pose=pose)
+    path = poses.write(tmp_path)
+    ours = log(tmp_path, start=float(ROS_START // 10**9))
+    reference = read(ours, path).references[str(path)]
+    assert (reference.kind, len(reference.t)) == ("truth", 20)
+    with pytest.raises(ReadError, match="The log holds: geometry_msgs"):
+        pipeline.read(path, pipeline.configure("fts"))
+
+
+@pytest.mark.parametrize("turn", [{}, {"w": float("nan")}])
+def test_a_ros_log_without_a_usable_pose_is_refused_in_a_line(tmp_path, turn):
+    pose = {"orientation": turn}
+    poses = Log().add("/pose", "geometry_msgs/msg/PoseStamped", 0, pose=pose)
+    path = poses.write(tmp_path)
+    with pytest.raises(ReadError, match=f"^{re.escape(str(path))}: no "):
+        read(log(tmp_path), path)
 
 
 def test_a_csv_of_references_alone_will_do(tmp_path):

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 from attest.config import Csv
 from attest.recording import Note, World
@@ -21,6 +22,8 @@ class ReadOptions:
     """World axes of a log that does not say."""
     csv: Csv | None = None
     """Columns and units of a CSV that is not the canonical one."""
+    references_alone: bool = False
+    """Take a ROS log that has references but neither gyroscope nor feature points."""
 
 
 TAKEN = {
@@ -40,7 +43,7 @@ WORLDS: Mapping[str, World] = {
 
 def without_idle(form: str, options: ReadOptions) -> ReadOptions:
     """Leave out the choices that a log of this format does not have."""
-    nothing: dict[str, None] = dict.fromkeys(_idle(form, options))
+    nothing: dict[str, Any] = dict.fromkeys(_idle(form, options))
     return replace(options, **nothing)
 
 

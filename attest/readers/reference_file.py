@@ -69,7 +69,8 @@ def _read(path: Path, options: ReadOptions) -> Recording:
     if form == "csv":
         return csv.references(path, options)
     # the choices are those of the log, whose format may have more of them
-    return readers.read(path, without_idle(form, replace(options, csv=None)))
+    choices = replace(options, csv=None, references_alone=True)
+    return readers.read(path, without_idle(form, choices))
 
 
 def _tells(note: Note, best: Reference) -> bool:

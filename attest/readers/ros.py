@@ -47,18 +47,21 @@ def read(path: Path, options: ReadOptions) -> Recording:
     if options.imu is not None:
         topics = {"gyro": options.imu} | topics  # whose accelerometer is taken too
     chosen = ros_choose.choose(path, offers, topics, notes)
-    main = chosen.get("gyro") or next((offer for offer in offers if offer.role == "point"), None)
+    main = chosen.get("gyro") or next(_others(offers, alone=options.references_alone), None)
     if main is None:
         raise ReadError(f"{path}: {_nothing(counts)}")
     world = _world(offers, main, options, notes)
     log = _Log(path, offers, chosen, topics, main, world, notes, ros_clock.lag(main))
     signals, references = _signals(log), _references(log)
+    stamps = [signal.t for signal in signals.values()] + [r.t for r in references.values()]
+    if not stamps:
+        raise ReadError(f"{path}: no reference in it can be used. Record the log again.")
     return Recording(
         path=path,
         format=form,
         signals=signals,
         references=references,
-        clock=_clock(next(iter(signals.values())), log.lag),
+        clock=_clock(int(stamps[0][0]), log.lag),
         world=log.world,
         body="frd" if log.world == "ned" else "flu",
         notes=tuple(dict.fromkeys(notes)),
@@ -76,11 +79,18 @@ class _Log:
     topics: Mapping[str, str]
     """That the user names, by role."""
     main: Offer
-    """The gyroscope, or a feature point where there is none: its clock and frame are the log's."""
+    """Its clock and frame are the log's: the gyroscope, else a feature point, else a reference."""
     world: World
     notes: list[Note]
     lag: Lag | None
     """How far the recorder's clock is ahead of the main topic's."""
+
+
+def _others(offers: Sequence[Offer], *, alone: bool) -> Iterator[Offer]:
+    """Yield what a log without a gyroscope may be of."""
+    yield from (offer for offer in offers if offer.role == "point")
+    if alone:
+        yield from filter(ros_choose.is_attitude, (o for o in offers if o.role == "reference"))
 
 
 def _world(offers: Sequence[Offer], main: Offer, options: ReadOptions, notes: list[Note]) -> World:
@@ -117,7 +127,7 @@ def _signals(log: _Log) -> dict[str, Signal]:
     if log.main.role == "gyro" and "gyro" not in found:
         raise ReadError(f"{log.path}: no gyroscope sample in {log.main.topic} can be used. "
                         "Choose another: --set input.topics.gyro=TOPIC.")  # fmt: skip
-    if not found:
+    if log.main.role == "point" and not found:
         raise ReadError(f"{log.path}: no feature point can be used. Record the log again.")
     return found
 
@@ -212,9 +222,9 @@ def _attitude(log: _Log, offer: Offer) -> tuple[Ints, Array] | None:
     return t[good], quaternion.continuous(quaternion.normalize(q[good]))
 
 
-def _clock(main: Signal, lag: Lag | None) -> Clock:
+def _clock(first: int, lag: Lag | None) -> Clock:
     name = "recorder's time" if lag is None or (lag.far and not lag.steady) else "ROS time"
-    return Clock(name, 0 if main.t[0] > UNIX else None)
+    return Clock(name, 0 if first > UNIX else None)
 
 
 def _topics(
