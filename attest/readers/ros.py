@@ -10,6 +10,7 @@ from attest.errors import ReadError
 from attest.geometry import quaternion
 from attest.readers import gps, ros_axes, ros_choose, ros_clock, ros_decoded, ros_files
 from attest.readers.options import ReadOptions
+from attest.readers.ros_axes import Fixed
 from attest.readers.ros_clock import Lag
 from attest.readers.ros_decode import Array, Ints
 from attest.readers.ros_decoded import Decoded
@@ -20,6 +21,8 @@ from attest.recording import Clock, Note, Recording, Reference, Signal, World
 UNIX = 10**18
 """Nanoseconds, the year 2001: later stamps are unix time."""
 UNIT_TOLERANCE = 1e-3
+_UP = 5.0
+"""Specific force along z, m/s², by which an axis is told to point up."""
 _IN_BODY = ("accel", "mag", "torque")
 
 
@@ -106,10 +109,18 @@ def _world(offers: Sequence[Offer], main: Offer, options: ReadOptions, notes: li
             return "ned"
         return "enu"
     accel = [offer.y for offer in offers if offer.role == "accel" and offer.topic == main.topic]
-    if accel and np.nanmedian(accel[0][:, 2]) < -5.0:
+    if accel and _is_upside_down(np.nanmedian(accel[0], axis=0), main, ros_axes.fixed(offers)):
         notes.append(Note("accel_z is down: the sensor is upside down, or its driver does not keep "
                           "to REP-103: try --world ned", doubt=True, about="up"))  # fmt: skip
     return "enu"
+
+
+def _is_upside_down(accel: Array, main: Offer, known: Fixed) -> bool:
+    """Whether gravity is the wrong way in the sensor's frame, and the log's transforms agree."""
+    frames = {frame for pair in known for frame in pair}
+    turns = (ros_axes.between(known, frame, main.frame) for frame in frames)
+    upright = any(quaternion.rotate(q, accel)[2] > _UP for q in turns if q is not None)
+    return bool(accel[2] < -_UP) and not upright
 
 
 def _signals(log: _Log) -> dict[str, Signal]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from ros_logs import KINDS, START, Log, compass, flight, header, times, xyz, xyzw
+from ros_logs import IMU, KINDS, START, Log, compass, flight, header, times, xyz, xyzw
 
 from attest import readers
 from attest.geometry import quaternion
@@ -140,6 +140,21 @@ def test_mag_is_turned_into_the_frame_of_the_imu_by_static_transforms(tmp_path):
     text = "mag in frame 'compass', gyro in 'imu': turned by the log's static transforms"
     assert text in notes(recording)
     assert not recording.references
+
+
+@pytest.mark.parametrize(("mount", "doubted"), [((0, 1, 0, 0), False), ((1, 0, 0, 0), True)])
+def test_an_imu_upside_down_is_doubted_unless_the_static_transforms_say_so(
+    tmp_path, mount, doubted
+):
+    log = Log()
+    for t in times():
+        log.add("/imu", IMU, t, angular_velocity=xyz(0.1, t / 1e9, 0),
+                linear_acceleration=xyz(0, 0, -9.8))  # fmt: skip
+    still = {"header": header(0, "base"), "child_frame_id": "imu",
+             "transform": {"rotation": xyzw(mount)}}  # fmt: skip
+    log.add("/tf_static", "tf2_msgs/msg/TFMessage", 0, transforms=[still])
+    told = [text for text in doubts(read(log, tmp_path)) if "upside down" in text]
+    assert bool(told) is doubted
 
 
 def test_px4_in_its_own_axes_and_clock(tmp_path):
