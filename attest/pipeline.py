@@ -116,8 +116,11 @@ def inspect(
     described, inspected = report.describe(recording), inspection.inspect(recording)
     for name, figures in inspected.pop("signals").items():
         described["signals"][name] |= figures
-    command = inspection.command(recording, options)
-    return recording, described | inspected | {"command": command}
+    told = {
+        "default_reference": next(iter(recording.references), None),
+        "command": inspection.command(recording, options),
+    }
+    return recording, described | inspected | told
 
 
 def doubted(recording: Recording) -> Recording:

@@ -222,6 +222,7 @@ def test_the_mapping_of_the_readme_works_as_it_stands(tmp_path):
     assert told["signals"]["gyro"]["rate_hz"] == 100.0
     assert told["signals"]["accel"]["max"][2] == pytest.approx(9.80665)
     assert (told["world"], [*told["references"]]) == ("enu", ["ref"])
+    assert told["default_reference"] == "ref"
     ran = ["run", log, "--observer", yaml, "--quiet", "--output", tmp_path]
     assert CliRunner().invoke(cli, [*map(str, ran)], catch_exceptions=False).exit_code == 0
 
@@ -395,7 +396,7 @@ def test_turns_are_told_in_words(sample_logs):
     (line,) = (line for line in text.splitlines() if line.startswith("  turns"))
     assert re.fullmatch(
         r"  turns       as the gyroscope says: magnetometer \(9\d%\), reference \(100%\); "
-        r"not as the gyroscope says: accelerometer \(\d%\), usual at rest or when accelerating",
+        r"not as the gyroscope says: accelerometer \(\d%, usual at rest or when accelerating\)",
         line,
     )
 

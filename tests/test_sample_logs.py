@@ -158,6 +158,14 @@ def test_golden_error_of_each_sample(name, run):
     assert metrics.total.rmse == pytest.approx(GOLDEN[name], abs=0.002)
 
 
+def test_the_readmes_tell_this_error(sample_logs):
+    for name in LOGS:
+        told = f"a total error of {GOLDEN[name]:.2f}° RMSE in each"
+        assert told in (sample_logs / "README.md").read_text(encoding="utf-8")
+    shown = f"  RMSE                {GOLDEN['quadcopter.tlog']:.2f}°"
+    assert shown in (sample_logs.parent / "README.md").read_text(encoding="utf-8")
+
+
 @pytest.mark.parametrize("name", LOGS)
 def test_each_sample_is_what_simulate_makes(name, flight, sample_logs, tmp_path):
     simulation.write(tmp_path / name, flight)

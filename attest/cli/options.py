@@ -36,7 +36,9 @@ vehicle_option = click.option(
     "--vehicle", metavar="SYS[/COMP]", help="MAVLink system.  [default: the autopilot]"
 )
 world_option = click.option(
-    "--world", type=click.Choice(["ned", "enu"]), help="World axes of a CSV.  [default: ned]"
+    "--world",
+    type=click.Choice(["ned", "enu"]),
+    help="World axes of a CSV or a ROS log.  [default: ned; enu for ROS]",
 )
 
 

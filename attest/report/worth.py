@@ -84,11 +84,13 @@ def _physics(info: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 def _turns(explained: Mapping[str, float]) -> str:
     """Tell which vectors turn in the body as the gyroscope says, and which do not."""
     told = {name: f"{NAMES[name]} ({max(0.0, x):.0%})" for name, x in explained.items()}
+    if "accel" in told and explained["accel"] < TOGETHER:
+        told["accel"] = told["accel"][:-1] + ", usual at rest or when accelerating)"
     agree = ", ".join(told[name] for name, x in explained.items() if x >= TOGETHER)
     others = ", ".join(told[name] for name, x in explained.items() if x < TOGETHER)
     parts = [f"as the gyroscope says: {agree}"] if agree else []
     if others:
-        parts.append(f"not as the gyroscope says: {others}, usual at rest or when accelerating")
+        parts.append(f"not as the gyroscope says: {others}")
     return "; ".join(parts)
 
 
