@@ -286,7 +286,7 @@ def _observe(
             samples, estimates, reference, configuration.evaluation
         )
         estimates = _with_lyapunov(observer, configuration, estimates, metrics)
-        claims = evaluation.attest(samples, estimates, metrics, configuration)
+        claims = evaluation.attest(samples, estimates, metrics, configuration, whole=observer.whole)
         if observer.promises is not None:
             claims += observer.promises(samples, estimates, configuration)
     return Result(

@@ -20,6 +20,8 @@ AXES = "xyz"
 KNOWN = 0.1
 """Share of a deviation of before, below which something is known; the scale of one gyroscope is
 another by 0.2 of it from log to log."""
+SHOWN = 0.005
+"""Least scale or misalignment that shows in what is told, %."""
 UNKNOWN = 0.5
 """Share of the deviation of before, above which a bias is hardly known."""
 
@@ -129,7 +131,7 @@ def _corrected(
     found = drift.follow(h, gyro.y, *standing, still, restart, known, into)
     at = found.rate
     rates = Rates(at, at, at, found.bias, found.known, found.deviation)
-    return rates, [_told(still, known, found.known)]
+    return rates, [_told(still, known, found.known, found.bias[-1])]
 
 
 def _as_given(gyro: Signal, x: Array) -> Rates:
@@ -184,9 +186,9 @@ def _at(t: NDArray[np.int64], signal: Signal) -> Array:
     return np.stack([np.interp(at, stamps, column) for column in signal.y.T], axis=1)
 
 
-def _told(resting: Mask, before: Array, known: Array) -> Note:
-    """Say what was found."""
-    bias, large = np.rad2deg(known[0, :3]), bool(np.linalg.norm(known[0, :3]) > BIAS)
+def _told(resting: Mask, before: Array, known: Array, last: Array) -> Note:
+    """Say what was found, and if it was not at the last step yet, what was taken off there."""
+    large = bool(np.linalg.norm(known[0, :3]) > BIAS)
     at_rest = f"(at rest {resting.mean():.0%} of the log)"
     open_axes = "".join(
         axis
@@ -195,11 +197,16 @@ def _told(resting: Mask, before: Array, known: Array) -> Note:
     )
     if len(open_axes) == len(AXES):
         return Note(f"gyroscope: nothing in the log tells its bias {at_rest}: left to the observer")
-    text = (
-        f"gyroscope: bias {bias[0]:+.2f}, {bias[1]:+.2f}, {bias[2]:+.2f} °/s at the end "
-        f"{at_rest}, scale and misalignment up to "
-        f"{100.0 * np.abs(known[0, 3:]).max():.2f} %, taken off as they became known"
-    )
+    text = f"gyroscope: bias {_axes(known[0, :3])} °/s at the end {at_rest}, "
+    if (scale := 100.0 * np.abs(known[0, 3:]).max()) >= SHOWN:
+        text += f"scale and misalignment up to {scale:.2f} %, "
+    text += "taken off as they became known"
+    if np.linalg.norm(last - known[0, :3]) > gyroscope_errors.REST_STD:
+        text += f"; that came late: {_axes(last)} °/s was taken off at the last step"
     if open_axes:
         text += f"; that about {' and '.join(open_axes)} is hardly told"
     return Note(text, doubt=large)
+
+
+def _axes(rate: Array) -> str:
+    return ", ".join(f"{each:+.2f}" for each in np.round(np.rad2deg(rate), 2) + 0.0)

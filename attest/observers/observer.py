@@ -53,6 +53,8 @@ class Observer:
     """What its theory promises of this run, against what was seen."""
     notes: Callable[[Samples, Estimates, Any], tuple[Note, ...]] = _nothing
     """What it did to the data, and what in its answer is doubtful."""
+    whole: bool = False
+    """Whether it looks at the whole log at once, and not step by step."""
 
 
 def whole_steps(samples: Samples, part: slice) -> Array:

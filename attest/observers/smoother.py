@@ -274,4 +274,5 @@ OBSERVER = Observer(
     config=Config,
     estimate=estimate,
     notes=notes,
+    whole=True,
 )

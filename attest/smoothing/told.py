@@ -29,6 +29,8 @@ TINY = 1e-24
 """Product of variances that are none, rad⁴."""
 SELDOM = 0.05
 """Share of the log in which it is not worth a word."""
+SHOWN = 0.005
+"""Least error of a sensor, m/s² or %, that shows in what is told of it."""
 
 
 def told(samples: Samples, found: Estimates, bias_deg_s: float) -> Iterator[Note]:
@@ -45,20 +47,22 @@ def told(samples: Samples, found: Estimates, bias_deg_s: float) -> Iterator[Note
     scale = 100.0 * np.abs(known["gyro_scale"]).max()
     if found.gyro_bias is not None:
         bias = np.rad2deg(found.gyro_bias[-1])
-        text = (
-            f"gyroscope: bias {_axes(bias, 2)} °/s at the end, scale and misalignment up to "
-            f"{scale:.2f} %, found in the whole log and taken off"
-        )
+        text = f"gyroscope: bias {_axes(bias, 2)} °/s at the end, "
+        if scale >= SHOWN:
+            text += f"scale and misalignment up to {scale:.2f} %, "
+        text += "found in the whole log and taken off"
         yield Note(text, doubt=bool(np.linalg.norm(bias) > bias_deg_s))
     if "accel" in samples.names:
-        scale = 100.0 * (known["gravity_scale"].item() - 1.0)
-        lean = _axes(known["accel_bias"], 2)
-        yield Note(
-            f"accelerometer: bias {lean} m/s² and scale {scale:+.2f} %, found in the whole log and "
-            "taken off"
-        )
+        yield _of_accel(known["accel_bias"], 100.0 * (known["gravity_scale"].item() - 1.0))
     if "mag" in samples.names and known["field_unlike"].size:
         yield from _of_field(samples, known["hard_iron"], known["field"], found)
+
+
+def _of_accel(bias: Array, scale: float) -> Note:
+    if max(np.abs(bias).max(), abs(scale)) < SHOWN:
+        return Note("accelerometer used as it is: the whole log tells no bias or scale")
+    found = f"bias {_axes(bias, 2)} m/s² and scale {scale:+.2f} %"
+    return Note(f"accelerometer: {found}, found in the whole log and taken off")
 
 
 def _of_field(samples: Samples, iron: Array, field: Array, found: Estimates) -> Iterator[Note]:

@@ -156,3 +156,16 @@ def test_the_covariance_is_compared_with_the_error(believed, holds, size):
     assert told.seen.endswith(f", and 3 where the covariance is exact: it is {size}")
     autopilot, _ = evaluation.evaluate(given, found, replace(truth, kind="autopilot"), Evaluation())
     assert not any("covariance" in c.statement for c in attested(given, found, autopilot))
+
+
+def test_a_whole_log_needs_no_two_directions_at_each_step():
+    given = seen(TWO)
+    given.valid[: N // 2, 1] = False
+    found = estimated()
+    stepped = claim(attested(given, found), "directions")
+    whole = claim(evaluation.attest(given, found, None, fts.Config(), whole=True), "directions")
+    assert (stepped.statement[-12:], stepped.holds, stepped.bound) == ("at each step", False, 1.0)
+    assert (whole.statement[-10:], whole.holds, whole.bound) == ("in the log", True, None)
+    given.valid[:, 1] = False
+    none = claim(evaluation.attest(given, found, None, fts.Config(), whole=True), "directions")
+    assert none.holds is False

@@ -26,6 +26,8 @@ NORTH = np.array([0.0, 2e-5, -4e-5])
 BIAS = np.array([0.01, -0.02, 0.015])
 EXACT = smoother.Config(gains=smoother.Gains(delay_s=0.0))
 """Of simulated sensors, which are not late."""
+SHORT = ["input.end_s=2"]
+"""The sample flight at rest, and no more."""
 
 
 def turning(seconds):
@@ -282,6 +284,22 @@ def test_golden_of_the_sample_flight():
     (claim,) = [c for c in found.claims if "covariance" in c.statement]
     assert claim.holds
     assert claim.value > 0.95  # of the errors are within it
+
+
+def test_it_claims_no_more_than_it_found():
+    told = [n.text for n in pipeline.run(LOG, pipeline.configure("smoother", SHORT)).notes]
+    (gyro,) = [text for text in told if text.startswith("gyroscope: bias")]
+    assert gyro.endswith(" °/s at the end, found in the whole log and taken off")
+    assert "accelerometer used as it is: the whole log tells no bias or scale" in told
+    assert "magnetometer used as it is: the whole log tells no hard iron" in told
+
+
+def test_filters_tell_a_bias_that_they_knew_too_late():
+    result = pipeline.run(LOG, pipeline.configure("cgo", SHORT))
+    (text,) = [n.text for n in result.notes if n.text.startswith("gyroscope: bias")]
+    late = "; that came late: +0.00, +0.00, +0.00 °/s was taken off at the last step"
+    assert text.endswith("taken off as they became known" + late)
+    assert not result.samples.bias[-1].any()
 
 
 @pytest.mark.slow
