@@ -82,6 +82,7 @@ def test_it_finds_attitude_and_bias():
     observing.assert_sound(found)
 
 
+@pytest.mark.slow
 def test_a_gyroscope_that_is_off_in_scale_and_alignment_is_put_right():
     made, q = log()
     bent = np.eye(3) + 0.01 * np.array([[1.0, -0.8, 0.5], [0.3, -1.0, 0.6], [-0.7, 0.4, 0.9]])
@@ -114,6 +115,7 @@ def test_a_heading_that_the_field_alone_tells_is_never_starved():
     assert_allclose(off[:, 2], expected, atol=0.03)
 
 
+@pytest.mark.slow
 def test_hard_iron_is_found():
     clean, q = log()
     made, _ = log(iron=(6e-6, -3e-6, 4e-6))
@@ -174,6 +176,7 @@ def test_a_restart_starts_attitude_anew_and_the_bias_goes_on():
     assert np.rad2deg(np.abs(np.diff(found.gyro_bias, axis=0))).max() < 0.2
 
 
+@pytest.mark.slow
 def test_a_gap_in_the_vectors_is_bridged_by_the_gyroscope():
     made, q = log()
     valid = made.valid.copy()
@@ -222,6 +225,7 @@ def test_the_covariance_is_that_of_both_states():
     assert (np.linalg.eigvalsh(P) > 0.0).all()
 
 
+@pytest.mark.slow
 @settings(max_examples=4)
 @given(turn=st.floats(-3.0, 3.0))
 def test_it_does_not_care_where_north_is(turn):
@@ -253,6 +257,7 @@ def test_the_past_knows_the_future():
     assert off[:500].max() < 3.0 * off.mean() + 0.2
 
 
+@pytest.mark.slow
 def test_the_delay_turns_the_attitude_on_to_its_stamp():
     made, _ = log()
     now = smoother.estimate(made, EXACT)
