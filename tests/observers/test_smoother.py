@@ -357,10 +357,10 @@ def test_compare_leaves_it_out_of_the_ranking_against_itself():
 
 
 BROAD = {
-    "05_undisturbed_slow_rotation_with_breaks_B": 0.9,
-    "16_undisturbed_fast_translation_B": 1.2,
-    "30_disturbed_stationary_magnet_C": 1.5,
-    "34_disturbed_attached_magnet_3cm": 1.8,
+    "05_undisturbed_slow_rotation_with_breaks_B": 0.8,
+    "16_undisturbed_fast_translation_B": 1.0,
+    "30_disturbed_stationary_magnet_C": 0.8,
+    "34_disturbed_attached_magnet_3cm": 1.2,
 }
 """Total RMSE in degrees that is not to be exceeded; `vqf` has 0.99, 0.74, 2.57 and 3.35."""
 
@@ -379,6 +379,7 @@ def test_optical_truth(shared, name):
     scored = np.isfinite(trial["opt_quat"]).all(axis=1) & (trial["movement"] > 0.5)
     off = angle_deg(found.q, np.nan_to_num(trial["opt_quat"]))[scored]
     assert np.sqrt(np.mean(off**2)) < BROAD[name]
+    assert nees(found, np.nan_to_num(trial["opt_quat"], nan=0.5), scored) < 6.0  # not too sure
 
 
 @pytest.mark.slow
