@@ -4,7 +4,7 @@
     python tests/fuzz.py --reader ros --count 500 --first 1000
     python tests/fuzz.py --reader ros --case 1234 --keep bad.bag     one again, with its traceback
 
-A case is a reader and a number: the same file each time. Each is read and conditioned in a worker
+A case is a reader and a number: the same file each time. Each is described and run in a worker
 process, which may compute for `TIMEOUT` seconds, and take `TIMES` times the file and `ROOM` more
 memory than it had before. A one-line error is the right answer to a broken file; everything else is
 reported, with the case that makes it again. Warnings of libraries are errors.
@@ -30,10 +30,14 @@ import mutations
 import numpy as np
 import ros_logs
 
-from attest import conditioning, pipeline, readers, simulation
+from attest import pipeline, readers, report, simulation
 from attest.errors import AttestError
+from attest.readers import reference_file
+from attest.readers.options import ReadOptions
 from attest.simulation import dataflash
+from attest.writers.json import to_json
 
+LOGS = Path(__file__).parent.parent / "sample_logs"
 TIMEOUT, WAIT = 10, 60
 """Of computing, and on the clock of a machine that does other things too, s."""
 TIMES, ROOM = 10, 300 << 20
@@ -140,19 +144,39 @@ def _splice(data, other, rng):
 
 
 def attempt(path, reader):
-    """Read and condition; a broken file may be refused, in one line."""
-    names = ("fts", "docking") if reader in {"csv", "ros"} else ("fts",)
+    """Describe and run, and take as a reference; a broken file may be refused, in one line."""
+    _outcome(reference_file.join, _flight(), str(path), ReadOptions())
+    return _outcome(_described_and_run, path, reader)
+
+
+def _outcome(what, *given):
     try:
-        recording = readers.read(path)
-        name = names[-1] if "gyro" not in recording.signals else "fts"
-        samples, _ = conditioning.condition(recording, _configuration(name))
+        what(*given)
     except AttestError as error:
         if len(str(error).splitlines()) != 1:
             raise Excess(f"message of several lines: {error!r}") from error
         return "refused"
-    if not np.isfinite(samples.body[samples.valid]).all():
-        raise Excess("vectors that are no numbers")
     return "read"
+
+
+def _described_and_run(path, reader):
+    names = ("fts", "docking") if reader in {"csv", "ros"} else ("fts",)
+    recording, described = pipeline.inspect(path, _configuration("fts"))
+    result = pipeline.run(path, _configuration(names["gyro" not in recording.signals]))
+    told = [report.text_of_info(described), report.text_of_run(result.summary, ())]
+    if not all(line.isprintable() for text in told for line in text.splitlines()):
+        raise Excess("characters that do something to a terminal")
+    for document in (described, result.summary):
+        to_json(document)
+    if not np.isfinite(result.samples.body[result.samples.valid]).all():
+        raise Excess("vectors that are no numbers")
+    if not np.isfinite(result.estimates.q).all():
+        raise Excess("an attitude that is no number")
+
+
+@cache
+def _flight():
+    return readers.read(LOGS / "quadcopter.ulg")
 
 
 @cache
