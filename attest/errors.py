@@ -27,3 +27,10 @@ class ConfigError(AttestError):
     """The command line or the configuration is wrong."""
 
     exit_code = 2
+
+
+def printable(text: str) -> str:
+    """Return a text for a terminal: what would do something to it is shown as it is escaped."""
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

@@ -43,7 +43,9 @@ class Found:
     logs: tuple[Log, ...]
     """The largest first."""
     left_out: int
-    """Files that are no logs, links to folders, and folders that are closed to us."""
+    """Files that are no logs or that `attest` wrote, and links to folders."""
+    closed: tuple[str, ...] = ()
+    """Folders that the system does not let us look into."""
 
 
 def names_in(data: bytes) -> list[str]:
@@ -54,11 +56,16 @@ def names_in(data: bytes) -> list[str]:
 
 
 def find(
-    named: Sequence[str], output: Path, csv: Csv | None = None, results: str | None = None
+    named: Sequence[str],
+    output: Path,
+    csv: Csv | None = None,
+    results: str | None = None,
+    listed: Collection[str] = (),
 ) -> Found:
     """Return the logs that files, folders, patterns and URLs stand for.
 
-    Neither the output nor the URL of the results is looked into.
+    Neither the output nor the URL of the results is looked into. Of names that a list has, one that
+    fits nothing is a log that is gone, and no pattern.
 
     Raises
     ------
@@ -69,13 +76,17 @@ def find(
     """
     if "" in named:
         raise ConfigError("an empty name for a log. Name a log, or a folder with logs.")
-    walk = _Walk(output, csv, results)
+    walk = _Walk(output, csv, results, frozenset(listed))
     paths, roots = list[str](), set[str]()
     for name in map(urls.checked, named):
         root, inside = walk.below(name)
         paths += inside
         roots.add(root)
     if not paths:
+        if walk.closed:
+            raise ReadError(
+                f"{walk.closed[0]}: cannot look into this folder. Ask for the right to read it."
+            )
         what = "no log"
         if csv is not None and csv.maps:
             what += ", and no CSV with the columns of input.csv,"
@@ -84,14 +95,19 @@ def find(
     paths = list(dict.fromkeys(paths))
     folders = _folders(paths, common(roots))
     logs = [walk.log(path, folder) for path, folder in zip(paths, folders, strict=True)]
-    return Found(tuple(sorted(logs, key=lambda log: (-log.size, log.path))), walk.left_out)
+    logs.sort(key=lambda log: (-log.size, log.path))
+    return Found(tuple(logs), walk.left_out, tuple(walk.closed))
 
 
 class _Walk:
     """A search through folders, which counts what it leaves out."""
 
-    def __init__(self, output: Path, csv: Csv | None, results: str | None) -> None:
+    def __init__(
+        self, output: Path, csv: Csv | None, results: str | None, listed: frozenset[str]
+    ) -> None:
         self.left_out = 0
+        self.closed: list[str] = []
+        self._list = listed
         self._output, self._csv, self._results = output.resolve(), csv, results
         self._stamps: dict[str, Stamp] = {}
 
@@ -103,20 +119,28 @@ class _Walk:
     def below(self, name: str) -> tuple[str, list[str]]:
         """Return the folder that a name's logs are below, and the logs."""
         if urls.is_url(name):
-            found = listed(name, self._csv, self._results)
+            found = listed(name, self._csv, self._results, literal=name in self._list)
             self.left_out += found.left_out
             self._stamps |= found.logs
             return found.root, list(found.logs)
         if not os.path.lexists(name) and glob.has_magic(name):
             fits = sorted(glob.glob(name, recursive=True))  # noqa: PTH207  may be absolute
-            if not fits:
+            if fits:
+                return str(_absolute(_fixed(name))), list(self._fitting(fits))
+            if name not in self._list:
                 raise ReadError(f"{name}: nothing fits this pattern. Name a log, or a folder.")
-            inside = [path for one in fits for path in self.below(one)[1]]
-            return str(_absolute(_fixed(name))), inside
         path = _absolute(Path(name))
         if not _holds(path.is_dir) or readers.is_log(path):
             return str(path.parent), [str(path)]
         return str(path), list(self._logs(str(path)))
+
+    def _fitting(self, names: Sequence[str]) -> Iterator[str]:
+        """Yield the logs that names of a pattern stand for."""
+        for name in names:
+            if readers.is_result(Path(name)):
+                self.left_out += 1
+            else:
+                yield from self.below(name)[1]
 
     def _logs(self, folder: str) -> Iterator[str]:
         """Yield the logs in a folder, without following links to folders, which may lead back."""
@@ -140,14 +164,16 @@ class _Walk:
     def _entries(self, folder: str) -> list[os.DirEntry[str]]:
         try:
             return _listed(folder)
-        except OSError:  # gone since, or closed to us
-            self.left_out += 1
+        except OSError:
+            self.closed.append(folder)
             return []
 
     def _file(self, entry: os.DirEntry[str]) -> Iterator[str]:
         path = Path(entry.path)
-        named = path.suffix.lower() in SUFFIXES
-        if _holds(entry.is_file) and (named or readers.is_log(path, self._csv)):
+        named, there = path.suffix.lower() in SUFFIXES, _holds(entry.is_file)
+        gone = entry.is_symlink() and not there  # the disk that it leads to, perhaps
+        log = there and not readers.is_result(path) and (named or readers.is_log(path, self._csv))
+        if log or (gone and named):
             yield entry.path
         else:
             self.left_out += 1
@@ -203,8 +229,8 @@ def _folders(paths: Sequence[str], base: str | None) -> list[str]:
     """Return a folder for each log: its path below the base, without the suffix where one has it.
 
     Where two would share a folder, both keep their suffix; where that is not enough, or the name is
-    not free, a digest of the path tells them apart. Letters of either case are the same here, as
-    they are to some file systems.
+    not free, or would lead out of the output, a digest of the path tells them apart. Letters of
+    either case are the same here, as they are to some file systems.
     """
     short = [_below(path, base, short=True) for path in paths]
     long = [_below(path, base, short=False) for path in paths]
@@ -212,9 +238,20 @@ def _folders(paths: Sequence[str], base: str | None) -> list[str]:
     names = [a if shared[a.casefold()] == 1 else b for a, b in zip(short, long, strict=True)]
     taken = Counter(name.casefold() for name in names)
     return [
-        name if taken[name.casefold()] == 1 and name.casefold() not in OWN else marked(name, path)
+        name if taken[name.casefold()] == 1 and _is_free(name) else marked(_kept(name), path)
         for name, path in zip(names, paths, strict=True)
     ]
+
+
+def _is_free(folder: str) -> bool:
+    """Whether a folder is below the output, and in none that is for something else."""
+    parts = Path(folder).parts
+    return ".." not in parts and parts[0].casefold() not in OWN
+
+
+def _kept(folder: str) -> str:
+    """Return what of a folder may be kept where it is not free: the end of it, if it is not."""
+    return folder if _is_free(folder) or len(Path(folder).parts) == 1 else Path(folder).name
 
 
 def _below(path: str, base: str | None, *, short: bool) -> str:

@@ -15,11 +15,26 @@ from io import FileIO
 from pathlib import Path
 from typing import Any, Self
 
-from attest.batch.rows import Row
+from attest.batch.rows import COLUMNS, Row
 from attest.errors import ConfigError
 from attest.files import refused
 
 NAME = "journal.jsonl"
+OF_ROWS: Mapping[str, type] = {
+    **dict.fromkeys(("path", "observer", "status", "folder"), str),
+    **dict.fromkeys(("size", "mtime_ns"), int),
+    **dict.fromkeys(("outputs", "kinds"), list),
+}
+"""What every row has."""
+TYPES: Mapping[str, tuple[type, ...]] = {
+    "text": (str, list, type(None)),
+    "float": (float, int, type(None)),
+    "int": (int, type(None)),
+}
+"""What a column of the summary may hold; a list is of texts."""
+CHECKED = {**COLUMNS, "kinds": "text"}
+LARGEST = 1 << 63
+"""Integers that every table takes are below this."""
 
 
 class Journal:
@@ -93,7 +108,7 @@ class Journal:
         for line in self._in:
             if not line.endswith(b"\n"):
                 break
-            row = _parsed(line)
+            row = parsed(line)
             if row is None:
                 self.damaged += 1
             else:
@@ -110,15 +125,27 @@ def _write(file: FileIO, data: bytes) -> None:
     os.fsync(file.fileno())
 
 
-def _parsed(line: bytes) -> Row | None:
+def parsed(line: bytes) -> Row | None:
+    """Return a row that was written as JSON; None where it is none."""
     try:
         row = json.loads(line)
-    except ValueError:
+    except (ValueError, RecursionError):
         return None
-    known = isinstance(row, dict) and all(
-        isinstance(row.get(key), str) for key in ("path", "observer", "status")
+    return row if isinstance(row, dict) and _fits(row) else None
+
+
+def _fits(row: Row) -> bool:
+    """Whether a row, which may be another's or damaged, has what is done with rows."""
+    return all(type(row.get(name)) is kind for name, kind in OF_ROWS.items()) and all(
+        type(row.get(name)) in TYPES[kind] and _is_plain(row.get(name))
+        for name, kind in CHECKED.items()
     )
-    return row if known else None
+
+
+def _is_plain(value: object) -> bool:
+    if isinstance(value, list):
+        return all(isinstance(each, str) for each in value)
+    return not isinstance(value, int) or -LARGEST <= value < LARGEST
 
 
 def _key(row: Mapping[str, Any]) -> bytes:

@@ -10,6 +10,7 @@ from typing import Any
 
 import attest
 from attest import config, observers, pipeline, simulation
+from attest.batch import temporary
 from attest.errors import AttestError
 
 SCENARIO = "quadcopter"
@@ -46,8 +47,7 @@ def compilation(
     """Give what compiles all kernels of the observers; nothing where there is no room for that."""
     with ExitStack() as stack:
         try:
-            folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="attest-"))
-            flight = Path(folder, "flight.csv")
+            flight = stack.enter_context(temporary.folder()) / "flight.csv"
             simulation.write(flight, simulation.simulate(SCENARIO))
         except (OSError, AttestError):
             yield _nothing

@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import re
 import tempfile
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,11 +18,14 @@ from attest.batch import urls
 from attest.batch.urls import Place
 from attest.config import Csv
 from attest.errors import ReadError
+from attest.readers.results import begins_result
 
 SUFFIXES = frozenset({".tlog", ".bin", ".ulg", ".bag", ".mcap", ".db3"})
 """Names that logs alone have: such a file in a folder is one of them even if it is not readable."""
 OF_FOLDERS = frozenset({"metadata.yaml", "Gyroscope.csv"})
 """Files that a folder has which is one log."""
+OF_RESULTS = re.compile(r"\.[0-9a-f]{8}\.[0-9a-f]{8}/[^/]+\.mcap$")
+"""Where a batch puts results at a URL."""
 AT_ONCE = 32
 """Objects whose first bytes are asked for together."""
 
@@ -77,8 +81,10 @@ class Listed:
     left_out: int
 
 
-def listed(url: str, csv: Csv | None, closed: str | None) -> Listed:
+def listed(url: str, csv: Csv | None, closed: str | None, *, literal: bool = False) -> Listed:
     """Return the logs that a URL stands for; what is not there is a log that cannot be read.
+
+    A ``literal`` one that fits nothing is such a log as well.
 
     Raises
     ------
@@ -88,7 +94,10 @@ def listed(url: str, csv: Csv | None, closed: str | None) -> Listed:
     with urls.opened(url) as place, urls.telling(url):
         fs, path = place.fs, place.path
         if has_magic(path) and not fs.exists(path):
-            return _matching(place, url, csv, closed)
+            fitting = _matching(place, urls.root(url), csv, closed)
+            if fitting is None and not literal:
+                raise ReadError(f"{url}: nothing fits this pattern. Name a log, or a folder.")
+            return fitting or Listed(_parent(url), {url: Stamp()}, 0)
         root = urls.root(url)
         if not path.endswith("/") and fs.isfile(path):
             return Listed(_parent(root + path), {url: stamp_of([fs.info(path)])}, 0)
@@ -110,16 +119,16 @@ def _found(place: Place) -> dict[str, Info] | None:
     return found if found or place.fs.isdir(place.path) else None
 
 
-def _matching(place: Place, url: str, csv: Csv | None, closed: str | None) -> Listed:
-    """Return the logs that fit a pattern, and those in the folders that do."""
+def _matching(place: Place, root: str, csv: Csv | None, closed: str | None) -> Listed | None:
+    """Return the logs that fit a pattern, and those in the folders that do; None where none do."""
     found: dict[str, Info] = {}
     for path, info in place.fs.glob(place.path, detail=True).items():
         inside = place.fs.find(path, detail=True) if info["type"] == "directory" else {path: info}
         found |= inside
     if not found:
-        raise ReadError(f"{url}: nothing fits this pattern. Name a log, or a folder.")
+        return None
     fixed = place.path[: next(i for i, letter in enumerate(place.path) if letter in "*?[")]
-    base, root = fixed.rpartition("/")[0], urls.root(url)
+    base = fixed.rpartition("/")[0]
     logs, left_out = _logs(_Below(place, base, csv, root, closed), found)
     return Listed(root + base, logs, left_out)
 
@@ -155,6 +164,11 @@ def _logs(where: _Below, found: Mapping[str, Info]) -> tuple[dict[str, Stamp], i
     left_out = len(files) - len(kept)
     folders = dict(_folder_logs(where, kept))
     alone = {path: info for path, info in kept.items() if not _above(path) & folders.keys()}
+    ours = [path for path in alone if OF_RESULTS.search(path)]
+    for path, head in _heads(where.place, ours):
+        if begins_result(head):
+            del alone[path]
+            left_out += 1
     doubtful = [path for path in alone if Path(path).suffix.lower() not in SUFFIXES]
     known = alone.keys() - set(doubtful) | set(_recognised(where, doubtful))
     logs = {where.root + path: stamp_of(infos) for path, infos in folders.items()}

@@ -18,6 +18,7 @@ from attest.batch.rows import Row
 from attest.batch.summary import flat
 from attest.files import replacing
 from attest.report.html import FOOT, head, utf8
+from attest.report.info import counted
 
 MOST = 2000
 """Rows that a browser sorts at once; the summary has them all."""
@@ -31,10 +32,17 @@ COLUMNS: Mapping[str, str] = {
     "total_max_deg": "max °",
     "settling_time_s": "settled s",
     "reference": "reference",
+    "reference_kind": "its kind",
     "vehicle": "vehicle",
     "began_utc": "began",
     "duration_s": "length s",
     "warnings_count": "warnings",
+}
+
+AGAINST: Mapping[str, str] = {
+    "truth": "truth",
+    "autopilot": "an autopilot's estimate, which is not truth",
+    "smoother": "the smoother, which is not truth",
 }
 
 
@@ -43,8 +51,8 @@ class Seen:
     """What a page tells of rows, gathered while they go by."""
 
     statuses: Counter[str] = field(default_factory=Counter)
-    errors: dict[tuple[str, str], list[float]] = field(default_factory=dict)
-    """Of each observer, each error's RMSE."""
+    errors: dict[tuple[str, str, str], list[float]] = field(default_factory=dict)
+    """Of each observer and kind of reference, each error's RMSE."""
     worst: list[Row] = field(default_factory=list)
     """More than are shown, at the most twice as many."""
 
@@ -55,7 +63,8 @@ class Seen:
             for error in ERRORS:
                 value = row.get(f"{error}_rmse_deg")
                 if value is not None:
-                    self.errors.setdefault((row["observer"], error), []).append(value)
+                    key = row["observer"], str(row.get("reference_kind")), error
+                    self.errors.setdefault(key, []).append(value)
             self.worst.append(row)
             if len(self.worst) == 2 * MOST:
                 self.worst = nsmallest(MOST, self.worst, key=_best_last)
@@ -82,8 +91,10 @@ def _page(seen: Seen) -> Iterator[str]:
     counts = ", ".join(f"{n:,} {escape(status)}" for status, n in sorted(seen.statuses.items()))
     yield f"{head('attest batch')}<p>{total:,} runs: {counts}."
     yield ' All of them: <a href="summary.csv">CSV</a>, <a href="summary.parquet">Parquet</a>.</p>'
-    for (observer, error), values in sorted(seen.errors.items(), key=lambda item: _place(item[0])):
-        title = f"{observer}: {error} error, RMSE of {len(values):,} logs"
+    for key, values in sorted(seen.errors.items(), key=lambda item: _place(item[0])):
+        observer, kind, error = key
+        title = f"{observer}: {error} error against {AGAINST.get(kind, kind)}, "
+        title += f"RMSE of {counted(len(values), 'log')}"
         yield f"<figure><figcaption>{escape(utf8(title))}</figcaption>{histogram(values)}</figure>"
     yield f"<h2>{_title(len(worst), total)}</h2>"
     heads = "".join(f"<th>{head}</th>" for head in (*COLUMNS.values(), "results"))
@@ -99,8 +110,9 @@ def _title(shown: int, total: int) -> str:
     return f"What ended badly, then the worst{less}"
 
 
-def _place(key: tuple[str, str]) -> tuple[str, int]:
-    return key[0], ERRORS.index(key[1])
+def _place(key: tuple[str, str, str]) -> tuple[str, int, str, int]:
+    observer, kind, error = key
+    return observer, [*AGAINST, kind].index(kind), kind, ERRORS.index(error)
 
 
 def _best_last(row: Row) -> tuple[bool, bool, float]:

@@ -19,6 +19,7 @@ from uuid import uuid4
 
 import attest
 from attest.batch import urls
+from attest.batch.journal import parsed
 from attest.batch.rows import Row
 from attest.batch.urls import Place
 from attest.errors import WriteError
@@ -149,12 +150,13 @@ class Store:
     def _read(self, path: str) -> Row | None:
         """Return a row; None where there is none, or one that is torn or not ours."""
         try:
-            row = json.loads(self._at().fs.cat_file(self._at().below(path)))
-            inside = [row["folder"], *row["outputs"]]
-            fits = not any(".." in str(name).split("/") for name in inside)
-        except (FileNotFoundError, ValueError, KeyError, TypeError):
+            row = parsed(self._at().fs.cat_file(self._at().below(path)))
+        except FileNotFoundError:
             return None
-        return row if fits and isinstance(row, dict) else None
+        if row is None:
+            return None
+        inside = [row["folder"], *row["outputs"]]
+        return None if any(".." in name.split("/") for name in inside) else row
 
     def _at(self) -> Place:
         if self._place is None:

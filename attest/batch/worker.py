@@ -15,6 +15,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from attest.batch import task as tasks
+from attest.batch import temporary
 
 PR_SET_PDEATHSIG = 1
 GB = 10**9
@@ -39,8 +40,7 @@ def scratch() -> Iterator[str | None]:
     """Give a folder for `Settings.scratch`; None where there is no room for one."""
     with ExitStack() as stack:
         try:
-            made = tempfile.TemporaryDirectory(prefix="attest-", ignore_cleanup_errors=True)
-            folder = stack.enter_context(made)
+            folder = str(stack.enter_context(temporary.folder()))
         except OSError:
             folder = None
         yield folder

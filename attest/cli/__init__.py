@@ -22,7 +22,7 @@ from attest.cli.reproduce import reproduce
 from attest.cli.run import run
 from attest.cli.simulate import simulate
 from attest.cli.tune import tune
-from attest.errors import AttestError, ConfigError
+from attest.errors import AttestError, ConfigError, printable
 
 INTERRUPTED = 130
 
@@ -86,7 +86,7 @@ def _complain(error: Exception, text: str, *, debug: bool) -> None:
         import traceback
 
         traceback.print_exception(error)
-    click.echo(f"attest: {' '.join(text.split())}", err=True)
+    click.echo(f"attest: {printable(' '.join(text.split()))}", err=True)
 
 
 COMMANDS = (

@@ -19,7 +19,7 @@ from attest.cli.options import (
     log_options,
     quiet_option,
 )
-from attest.errors import ConfigError, ReadError
+from attest.errors import ConfigError, ReadError, printable
 
 if TYPE_CHECKING:
     from attest.batch import Found, Plan
@@ -145,8 +145,14 @@ def run_batch(paths: tuple[str, ...], plan: "Plan", *, quiet: bool, as_json: boo
     from attest import batch as batches
 
     named = [name for path in paths for name in _listed(path)]
+    if not named:
+        click.echo("attest: the list is empty: no log to run.", err=True)
+        return
     csv = next(iter(plan.configurations.values())).input.csv
-    found = batches.find(named, plan.output, csv, plan.results)
+    lists = set(named) - set(paths)
+    found = batches.find(named, plan.output, csv, plan.results, lists)
+    for folder in found.closed:
+        click.echo(f"attest: {printable(folder)}: cannot look into this folder", err=True)
     counts: Counter[str] = Counter()
     with batches.Journal(plan.output) as journal:
         expected = len(found.logs) * len(plan.configurations)
@@ -159,8 +165,8 @@ def run_batch(paths: tuple[str, ...], plan: "Plan", *, quiet: bool, as_json: boo
         written = batches.write_results(journal, plan.output, plan.results)
     if journal.damaged:
         click.echo(
-            f"attest: {journal.path}: {journal.damaged} lines cannot be read: their logs were done "
-            "again.",
+            f"attest: {journal.path}: {journal.damaged} lines are no rows and left out: what they "
+            "told of is done again when it is named.",
             err=True,
         )
     if not (quiet or as_json):
@@ -168,6 +174,8 @@ def run_batch(paths: tuple[str, ...], plan: "Plan", *, quiet: bool, as_json: boo
     failed = expected - counts["ok"]
     if failed:
         raise ReadError(f"{failed} of {expected} runs did not end well. See {written[0]}.")
+    if found.closed:
+        raise ReadError(f"{len(found.closed)} folders cannot be looked into; see above.")
 
 
 def _listed(path: str) -> list[str]:
@@ -215,7 +223,7 @@ def _tell(row: Row, *, before: bool, as_json: bool) -> None:
     elif row["status"] != "ok" and not before:
         who = f"{row['path']}: {row['observer']} {row['status']}: "
         error = str(row["error"]).removeprefix(f"{row['path']}: ")
-        click.echo(f"attest: {' '.join((who + error).split())}", err=True)
+        click.echo(f"attest: {printable(' '.join((who + error).split()))}", err=True)
 
 
 def _text(found: "Found", counts: Counter[str], output: str, written: "list[Path]") -> str:
@@ -229,6 +237,7 @@ def _text(found: "Found", counts: Counter[str], output: str, written: "list[Path
     if counts["done before"]:
         lines[0] += f"; {counts['done before']:,} of them done before"
     if found.left_out:
-        lines.append(f"  left out    {found.left_out:,} that are no logs, or links to folders")
+        what = "that are no logs, results of attest, or links to folders"
+        lines.append(f"  left out    {found.left_out:,} {what}")
     names = " ".join(path.name for path in written)
     return "\n".join([*lines, f"  written     {output.rstrip('/')}/  {names}"])

@@ -12,9 +12,10 @@ from typing import Protocol, cast
 from attest.config import Csv
 from attest.errors import ReadError
 from attest.readers.options import ReadOptions, told, without_idle
+from attest.readers.results import is_result
 from attest.recording import Recording
 
-__all__ = ["NAMES", "ReadOptions", "is_log", "logs_in", "read", "recognise"]
+__all__ = ["NAMES", "ReadOptions", "is_log", "is_result", "logs_in", "read", "recognise"]
 
 NAMES = ("ros", "ulog", "dataflash", "tlog", "sensor_logger", "csv")
 """Modules in the order they are asked; imported on use."""
@@ -68,7 +69,8 @@ def is_log(path: Path, csv: Csv | None = None) -> bool:
 def logs_in(folder: Path, csv: Csv | None = None) -> list[Path]:
     """Return the logs of a folder and of those in it, by content, in name order.
 
-    What is hidden is left out; a folder that is one log is named once, not file by file.
+    What is hidden is left out, and what `attest` itself wrote; a folder that is one log is named
+    once, not file by file.
     """
     if is_log(folder):
         return [folder]
@@ -76,7 +78,7 @@ def logs_in(folder: Path, csv: Csv | None = None) -> list[Path]:
     for path in sorted(folder.glob("[!.]*")):
         if path.is_dir() and not path.is_symlink():
             logs += logs_in(path, csv)
-        elif path.is_file() and is_log(path, csv):
+        elif path.is_file() and is_log(path, csv) and not is_result(path):
             logs.append(path)
     return logs
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from attest.errors import printable
 from attest.recording import Note, Recording
 from attest.report.worth import NAME, SOURCE, fitted, text_of_worth, width
 
@@ -142,9 +143,9 @@ def _references(references: Mapping[str, Any]) -> list[str]:
 def shown(path: str) -> str:
     """Return a path as people write it: relative where it lies below the working folder."""
     try:
-        return str(Path(path).relative_to(Path.cwd()))
+        return printable(str(Path(path).relative_to(Path.cwd())))
     except (ValueError, OSError):  # elsewhere, or the working folder is gone
-        return path
+        return printable(path)
 
 
 def counted(count: int, noun: str) -> str:

@@ -36,7 +36,7 @@ def test_it_tells_what_came_out_and_what_went_wrong(done, flights):
     assert found.returncode == 1
     assert found.stdout.splitlines() == [
         "2 logs: 1 ok, 1 failed",
-        "  left out    1 that are no logs, or links to folders",
+        "  left out    1 that are no logs, results of attest, or links to folders",
         f"  written     {output}/  summary.csv summary.parquet index.html",
     ]
     assert found.stderr.splitlines() == [
@@ -54,6 +54,20 @@ def test_json_is_a_row_a_line_also_of_what_was_done_before(done, flights):
         ("good one.csv", "ok"),
         ("bad.BIN", "failed"),
     }
+
+
+def test_an_empty_list_is_no_failure(tmp_path):
+    found = attest("-", "--output", tmp_path / "out", text="")
+    assert (found.returncode, found.stdout) == (0, "")
+    assert found.stderr == "attest: the list is empty: no log to run.\n"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="names that Windows has not")
+def test_names_do_nothing_to_a_terminal(tmp_path):
+    (tmp_path / "a\x1b]0;pwned\x07b.BIN").touch()
+    found = attest(tmp_path, "--output", tmp_path / "out", *QUICK)
+    assert "a\\x1b]0;pwned\\x07b.BIN: cgo failed: the file is empty." in found.stderr
+    assert all(line.isprintable() for line in (found.stderr + found.stdout).splitlines())
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="names that Windows has not")

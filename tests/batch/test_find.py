@@ -2,6 +2,7 @@
 
 import os
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -136,3 +137,73 @@ def test_folder_of_5000_files(tmp_path):
 def test_lists_take_lines_or_zero_bytes():
     assert names_in(b"a b\r\nc\n\n") == ["a b", "c"]
     assert names_in(b"a\nb\0c\0") == ["a\nb", "c"]
+
+
+OURS = b"\x89MCAP0\r\n\x01\x18\0\0\0\0\0\0\0\x04\0\0\0ros2\x0c\0\0\0attest 0.1.0\x03"
+
+
+def test_what_attest_wrote_is_no_log_of_a_folder_unless_it_is_named(tmp_path):
+    log(tmp_path / "flight.csv")
+    result = tmp_path / "attest_out" / "flight" / "fts.mcap"
+    result.parent.mkdir(parents=True)
+    result.write_bytes(OURS)
+    (tmp_path / "cut.mcap").write_bytes(OURS.replace(b"attest", b"rosbag"))
+    found = find([str(tmp_path)], OUT)
+    assert set(folders(found)) == {"flight.csv", "cut.mcap"}
+    assert found.left_out == 1
+    matching = find([str(tmp_path / "**" / "*.mcap")], OUT)
+    assert (set(folders(matching)), matching.left_out) == ({"cut.mcap"}, 1)
+    assert set(folders(find([str(result)], OUT))) == {"fts.mcap"}
+
+
+@pytest.mark.parametrize("name", ["summary.csv", "Index.html", "journal.jsonl", ".committed"])
+def test_results_are_in_no_folder_that_is_for_something_else(tmp_path, name):
+    shown = name.removeprefix(".")
+    inside = [str(log(tmp_path / name / "x.csv")), str(log(tmp_path / "mon" / "y.csv"))]
+    where = folders(find(inside, OUT))
+    assert where["y.csv"] == "mon/y"
+    assert where["x.csv"].startswith("x-")
+    assert shown not in where["x.csv"]
+
+
+def test_a_pattern_leads_out_of_no_output(tmp_path):
+    log(tmp_path / "logs" / "mon" / "a.csv")
+    log(tmp_path / "b.csv")
+    found = find([str(tmp_path / "logs" / "*" / ".." / ".." / "b.csv")], OUT)
+    (folder,) = folders(found).values()
+    assert folder.startswith("b-")
+    assert ".." not in folder
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="links are a privilege there")
+def test_a_link_whose_disk_is_gone_is_a_log_that_is_gone(tmp_path):
+    log(tmp_path / "a.csv")
+    (tmp_path / "flight7.BIN").symlink_to("/mnt/no-such-disk/flight7.BIN")
+    (tmp_path / "notes.txt").symlink_to("/mnt/no-such-disk/notes.txt")
+    found = find([str(tmp_path)], OUT)
+    assert (set(folders(found)), found.left_out) == ({"a.csv", "flight7.BIN"}, 1)
+
+
+def test_folders_that_are_closed_are_named(tmp_path, monkeypatch):
+    module = import_module("attest.batch.find")
+
+    def closed(folder):
+        if folder.endswith("secret"):
+            raise PermissionError(folder)
+        return look(folder)
+
+    look = module._listed
+    monkeypatch.setattr(module, "_listed", closed)
+    log(tmp_path / "a.csv")
+    (tmp_path / "secret").mkdir()
+    assert find([str(tmp_path)], OUT).closed == (str(tmp_path / "secret"),)
+    (tmp_path / "a.csv").unlink()
+    with pytest.raises(ReadError, match=r"secret: cannot look into this folder\. Ask for"):
+        find([str(tmp_path)], OUT)
+
+
+def test_a_name_of_a_list_that_fits_nothing_is_a_log_that_is_gone(tmp_path):
+    kept, gone = str(log(tmp_path / "a.csv")), str(tmp_path / "[gone].BIN")
+    assert set(folders(find([kept, gone], OUT, listed=[gone]))) == {"a.csv", "[gone].BIN"}
+    with pytest.raises(ReadError, match="nothing fits this pattern"):
+        find([kept, gone], OUT)

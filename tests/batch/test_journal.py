@@ -13,7 +13,8 @@ from attest.errors import WriteError
 
 
 def row(path="a", observer="fts", **more):
-    return {"path": path, "observer": observer, "status": "ok"} | more
+    known = {"path": path, "observer": observer, "status": "ok", "folder": path, "outputs": []}
+    return known | {"size": 1, "mtime_ns": 1, "kinds": []} | more
 
 
 def test_last_row_counts_and_order_is_of_path_and_observer(tmp_path):
@@ -87,3 +88,25 @@ def test_full_disk_leaves_whole_rows(tiny):
     with Journal(tiny) as journal:
         assert list(journal.rows()) == before
         assert journal.damaged == 0
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"outputs": None},
+        {"outputs": [1]},
+        {"folder": 7},
+        {"size": 1.0},
+        {"total_rmse_deg": "bad"},
+        {"scored": 1e400},
+        {"scored": 1 << 63},
+        {"warnings_count": True},
+        {"vehicle": {"a": 1}},
+    ],
+)
+def test_lines_that_would_spoil_the_summary_are_left_out(tmp_path, more):
+    lines = [json.dumps(row("a")), json.dumps(row("b", **more)), "[" * 100_000]
+    (tmp_path / "journal.jsonl").write_text("\n".join(lines) + "\n")
+    with Journal(tmp_path) as journal:
+        assert [each["path"] for each in journal.rows()] == ["a"]
+        assert journal.damaged == 2

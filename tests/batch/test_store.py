@@ -165,6 +165,10 @@ def output(request, tmp_path):
     return f"file://{tmp_path}/out"
 
 
+ROW = {"path": "/logs/a.csv", "observer": "cgo", "status": "ok", "size": 7, "mtime_ns": 8}
+ROW |= {"kinds": [], "folder": "", "outputs": []}
+
+
 def job(output, **more):
     made = {
         "log": "/logs/a.csv",
@@ -187,7 +191,7 @@ def attempt(mine, value):
     for path in written:
         path.write_text(f"{value}")
     names = [path.name for path in written]
-    return {"folder": mine.put(written), "outputs": names, "value": value}
+    return ROW | {"folder": mine.put(written), "outputs": names, "value": value}
 
 
 def contents(output):
@@ -232,7 +236,9 @@ def test_what_is_cut_off_half_way_is_no_result_and_is_tidied_later(output):
     dead._stack.close()
 
 
-@pytest.mark.parametrize("row", [b"", b"[]", b'{"folder": "../..", "outputs": []}'])
+@pytest.mark.parametrize(
+    "row", [b"", b"[]", b'{"folder": "a"}', json.dumps(ROW | {"folder": "../.."}).encode()]
+)
 def test_row_that_is_torn_is_none_and_in_nobodys_way(output, row):
     with store.Store(job(output)) as mine:
         assert mine.found("cgo") is None
