@@ -61,6 +61,8 @@ def read(log: Path, configuration: Configuration) -> Recording:
         topics=wanted.topics.model_dump(exclude_none=True),
         world=wanted.world,
         csv=wanted.csv,
+        units=wanted.unit.model_dump(exclude_none=True),
+        axes=wanted.axes.model_dump(exclude_none=True),
     )
     name = configuration.evaluation.reference
     return reference_file.join(

@@ -11,6 +11,7 @@ from typing import Protocol, cast
 
 from attest.config import Csv
 from attest.errors import ReadError
+from attest.readers import sensors
 from attest.readers.options import ReadOptions, told, without_idle
 from attest.recording import Recording
 
@@ -97,7 +98,8 @@ def read(path: Path, options: ReadOptions | None = None) -> Recording:
         recording = _reader(name).read(path, without_idle(name, options))
     except OSError as error:
         raise _unreadable(path, error) from error
-    return replace(recording, notes=(*told(name, options), *recording.notes))
+    read = sensors.as_told(recording, without_idle(name, options))
+    return replace(read, notes=(*told(name, options), *read.notes))
 
 
 def _reader(name: str) -> _Reader:

@@ -4,13 +4,11 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
-from math import pi
 from pathlib import Path
 from typing import NamedTuple
 
-from attest.config import Csv
+from attest.config import UNITS, Csv
 from attest.errors import ConfigError, ReadError
-from attest.geometry.earth import GRAVITY
 from attest.readers import csv_head
 from attest.readers.csv_cells import Stamps
 from attest.readers.csv_head import TIME, Layout
@@ -22,13 +20,9 @@ _NAMES = {"vel": "velocity"}
 """Signals that go by another name in a Recording."""
 _RESERVED = ("position", "velocity")
 """Signals with a meaning that ``<name>_x`` columns would not have."""
-_FACTORS = {
-    "rad/s": 1.0, "deg/s": pi / 180.0, "m/s2": 1.0, "m/s^2": 1.0,
-    "g": GRAVITY, "mg": 1e-3 * GRAVITY,
-    "T": 1.0, "mT": 1e-3, "uT": 1e-6, "nT": 1e-9, "gauss": 1e-4, "mgauss": 1e-7,
-}  # fmt: skip
+_FACTORS = {unit: factor for units in UNITS.values() for unit, factor in units.items()}
 """To SI."""
-_UNITS = {"gyro": "rad/s", "accel": "m/s2", "mag": "uT"}
+_UNITS = {name: next(iter(units)) for name, units in UNITS.items()}
 """Of the columns that go by their canonical names."""
 DIGITS = {"s": 9, "ms": 6, "us": 3, "ns": 0}
 """Decimals of each unit of time that make a nanosecond."""
@@ -164,13 +158,21 @@ def units(plan: Plan) -> dict[str, str]:
     return {"time": time} | {key: group.unit for key, group in plan.signals.items() if group.unit}
 
 
+def columns(plan: Plan) -> list[str | int]:
+    """Return the columns of the reference by name, or by number where that is not enough."""
+    names = plan.layout.names
+    places = [place for attitude in plan.references.values() for place in attitude.group.places]
+    clear = {name for name, count in Counter(names).items() if name and count == 1}
+    return [names[place] if names[place] in clear else place + 1 for place in places]
+
+
 def listed(units: Mapping[str, str]) -> str:
     """Return units as text, such as ``time ms, gyro deg/s``."""
     return ", ".join(f"{key} {unit}" for key, unit in units.items())
 
 
-def in_units(path: Path, plan: Plan, csv: Csv) -> Plan:
-    """Take the columns of a plan in the units that are told alone.
+def amended(path: Path, plan: Plan, csv: Csv) -> Plan:
+    """Take the columns of a plan in the units, and the reference of the columns, told alone.
 
     Raises
     ------
@@ -186,7 +188,18 @@ def in_units(path: Path, plan: Plan, csv: Csv) -> Plan:
                 f"{path}: no columns of {key} for input.csv.{key}.unit. The file has: {held}."
             )
     told = {key: plan.signals[key]._replace(unit=unit) for key, unit in units.items()}
-    return replace(plan, stamps=stamps, signals={**plan.signals, **told})
+    plan = replace(plan, stamps=stamps, signals={**plan.signals, **told})
+    if csv.reference is None:
+        return plan
+    columns, key = csv.reference.columns, "input.csv.reference"
+    group = Group(
+        tuple(_place(path, plan.layout, column, key) for column in columns),
+        ", ".join(map(str, columns)),
+    )
+    attitude = Attitude(group, csv.reference.kind, "as input.csv says")
+    used = {plan.layout.names[place] for place in group.places}
+    unused = [name for name in plan.unused if name not in used]
+    return replace(plan, references={"ref": attitude}, unused=unused)
 
 
 def fits(path: Path, csv: Csv) -> bool:

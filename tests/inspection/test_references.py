@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import advised
 import numpy as np
 import pytest
 from flights import SECOND, at, flight, tumbling
@@ -107,9 +108,11 @@ def test_a_trajectory_of_another_world_is_told_with_the_option_that_mends_it(log
 )
 def test_other_axes_of_the_body_are_named(log, body, axes):
     wrong = referred(log, q=brought(log, SAME, body), world="ned")
-    assert told(wrong) == [
-        f"{OTHERWISE}: it seems to be of a body with other axes, of which {axes} would fit"
-    ]
+    (text,) = told(wrong)
+    said = f"{OTHERWISE}: it seems to be of a body with other axes, of which {axes} would fit: "
+    assert text.startswith(said)
+    assert [*advised.axes(text)] == ["gyro", "accel", "mag"]
+    assert told(replace(advised.mended(wrong, text), notes=())) == []
     assert told(without(wrong, "mag", "accel")) == [
         f"{OTHERWISE}: its axes and the gyroscope's differ, and would fit as {axes}"
     ]
@@ -140,8 +143,10 @@ def test_a_form_is_named_as_it_is_in_the_file(log, form, world):
     texts = told(wrong)
     assert f"{OTHERWISE}: it seems to be " in texts[0]
     assert form in texts[0]
-    mended = "set input.csv.reference.columns" in texts[0]
-    assert mended == (world is None and form != "world to body")
+    named = {"(x, y, z, w)": ["qz", "qw", "qx", "qy"], "(w, x, y, z)": ["qx", "qy", "qz", "qw"]}
+    columns = ", ".join(f'"ref_{name}"' for name in named.get(form, []))
+    option = f"--set 'input.csv.reference.columns=[{columns}]'"
+    assert (option in texts[0]) == (world is None and form != "world to body")
 
 
 def test_forms_that_fit_alike_are_left_open():

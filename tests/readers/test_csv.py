@@ -195,9 +195,8 @@ def test_world_is_as_declared_or_noted(load):
     assert (enu.world, enu.body, enu.notes) == ("enu", "flu", ())
     assumed = load(text, world=None)
     assert (assumed.world, assumed.body) == ("ned", "frd")
-    up = "accel_z is up, as in a body with z up: try --world enu"
-    assert notes(assumed) == {NOT_DECLARED: 1, up: 1}
-    assert [note.doubt for note in assumed.notes] == [False, True]
+    assert notes(assumed) == {NOT_DECLARED: 1}
+    assert [note.doubt for note in assumed.notes] == [False]
 
 
 def test_columns_of_no_signal_are_named(load):

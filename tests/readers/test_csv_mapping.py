@@ -292,3 +292,16 @@ def test_any_bytes_give_a_recording_or_one_line(tmp_path_factory, junk, separato
             assert "\n" not in str(error)  # noqa: PT017
         else:
             assert np.isfinite(recording.signals["gyro"].y).all()
+
+
+def test_columns_of_the_reference_may_be_told_alone(tmp_path):
+    log = tmp_path / "log.csv"
+    log.write_text("time_s,gyro_x,gyro_y,gyro_z,ref_qw,ref_qx,ref_qy,ref_qz\n0,1,2,3,0,0,0.6,0.8\n")
+    assert pipeline.read(log, pipeline.configure("fts")).references["ref"].q.tolist() == [
+        [0, 0, 0.6, 0.8]
+    ]
+    told = pipeline.configure("fts", ["input.csv.reference.columns=[ref_qz,ref_qw,ref_qx,ref_qy]"])
+    recording = pipeline.read(log, told)
+    assert recording.references["ref"].q.tolist() == [[0.8, 0, 0, 0.6]]
+    assert "reference taken as truth, as input.csv says" in notes(recording)
+    assert config.validate(fts.Config, config.effective(told), "again") == told
