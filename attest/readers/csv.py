@@ -11,7 +11,15 @@ from dataclasses import replace
 from pathlib import Path
 
 from attest.errors import ReadError
-from attest.readers import csv_head, csv_layouts, csv_plan, csv_signals, csv_times, unknown
+from attest.readers import (
+    csv_head,
+    csv_layouts,
+    csv_plan,
+    csv_preamble,
+    csv_signals,
+    csv_times,
+    unknown,
+)
 from attest.readers.csv_layouts import Known
 from attest.readers.csv_plan import Plan
 from attest.readers.csv_signals import Taken
@@ -24,8 +32,8 @@ UNIX = 10**18
 
 def recognises(head: bytes, path: Path) -> bool:  # noqa: ARG001 - the content tells, not the name
     """Whether the header names a ``time_s`` column, or is that of a known logger."""
-    line = csv_head.lines(head).first
-    return csv_head.TIME in csv_head.fields(line)[0] or csv_layouts.of_log(head) is not None
+    line, _ = csv_preamble.header(head)
+    return csv_head.TIME in csv_head.fields(line.first)[0] or csv_layouts.of_log(head) is not None
 
 
 def read(path: Path, options: ReadOptions) -> Recording:
@@ -75,6 +83,8 @@ def recording(
 ) -> Recording:
     """Return what was taken as a recording on its own clock and axes."""
     notes = taken.notes
+    if plan.layout.before:
+        notes.append(Note("lines before the header, skipped", plan.layout.before))
     if known is None:
         world = _world(options.world, notes)
     else:

@@ -3,13 +3,12 @@
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from pathlib import Path
 from typing import NamedTuple
 
 from attest.config import UNITS, Csv
 from attest.errors import ConfigError, ReadError
-from attest.readers import csv_head
+from attest.readers import csv_columns, csv_head, csv_preamble
 from attest.readers.csv_cells import Stamps
 from attest.readers.csv_head import TIME, Layout
 from attest.recording import Kind
@@ -75,7 +74,7 @@ def canonical(path: Path) -> Plan:
     ReadError
         It does not, or names it twice.
     """
-    layout = csv_head.canonical(path)
+    layout = csv_preamble.canonical(path)
     groups = _groups(layout.names)
     used = {name for group in groups.values() for name in group} | {TIME}
     held = Counter(layout.names)
@@ -127,11 +126,12 @@ def mapped(path: Path, csv: Csv, by: str = "as input.csv says", name: str = "ref
         A column is told that the file does not have.
     """
     told = _told(csv)
-    layout = _layout(path, csv, [c for cs, _ in told.values() for c in cs if isinstance(c, str)])
-    places = {
-        key: tuple(_place(path, layout, column, f"input.csv.{key}") for column in columns)
-        for key, (columns, _) in told.items()
-    }
+    layout = csv_columns.layout(
+        path, csv, [c for cs, _ in told.values() for c in cs if isinstance(c, str)]
+    )
+    places = csv_columns.places(
+        path, csv, layout, {key: columns for key, (columns, _) in told.items()}
+    )
     groups = {
         key.removeprefix("vectors."): Group(places[key], ", ".join(map(str, columns)), unit)
         for key, (columns, unit) in told.items()
@@ -193,7 +193,7 @@ def amended(path: Path, plan: Plan, csv: Csv) -> Plan:
         return plan
     columns, key = csv.reference.columns, "input.csv.reference"
     group = Group(
-        tuple(_place(path, plan.layout, column, key) for column in columns),
+        tuple(csv_columns.place(path, plan.layout, column, key) for column in columns),
         ", ".join(map(str, columns)),
     )
     attitude = Attitude(group, csv.reference.kind, "as input.csv says")
@@ -232,59 +232,3 @@ def _told(csv: Csv) -> dict[str, tuple[tuple[str | int, ...], str]]:
         if (section := getattr(csv, key)) is not None:
             told[key] = section.columns, getattr(section, "unit", "")
     return told | {f"vectors.{key}": (v.columns, "") for key, v in csv.vectors.items()}
-
-
-def _layout(path: Path, csv: Csv, wanted: Sequence[str]) -> Layout:
-    """How the cells stand, as far as told, and else as it looks."""
-    head = csv_head.read(path)
-    sign = csv.comment.encode()
-    line = csv_head.lines(head, csv.skip, sign)
-    names: tuple[str, ...] = ()
-    start, row = line.begin, line.first
-    if csv.header and line.first:
-        # a header may stand in a comment
-        header = max(line.first, line.told, key=lambda text: _found(text, csv.separator, wanted))
-        names, by = _split(header, csv.separator, wanted)
-        if header is line.first:
-            start, row = line.end, csv_head.lines(head[line.end :], 0, sign).first
-    else:
-        by = csv.separator or csv_head.separator(row)
-    if not row:
-        raise ReadError(f"{path}: no rows. Check the file, and input.csv.skip.")
-    width = len(csv_head.cells(row, by))
-    if not names or row.endswith(by.encode()):  # that ends each row
-        names += ("",) * (width - len(names))
-    quoted = b'"' in line.first + row
-    point = csv.decimal or csv_head.decimal(by, row)
-    return Layout(names, by, point, quoted, start, csv.comment)
-
-
-def _split(
-    header: bytes, separator: str | None, wanted: Sequence[str]
-) -> tuple[tuple[str, ...], str]:
-    if separator:
-        return csv_head.cells(header, separator), separator
-    split = csv_head.fields(header, wanted)
-    return split if len(split[0]) > 1 else (csv_head.cells(header, " "), " ")
-
-
-def _found(header: bytes, separator: str | None, wanted: Sequence[str]) -> int:
-    return len(set(_split(header, separator, wanted)[0]) & set(wanted))
-
-
-def _place(path: Path, layout: Layout, column: str | int, key: str) -> int:
-    """Place of a column by its name or number."""
-    names = layout.names
-    if isinstance(column, int):
-        if column > len(names):
-            raise ConfigError(f"{path}: no column {column} for {key}. The file has {len(names)}.")
-        return column - 1
-    if names.count(column) == 1:
-        return names.index(column)
-    if column in names:
-        raise ConfigError(f"{path}: two columns are named {column!r}. Give {key} its number.")
-    alike = {name.lower(): name for name in names if name}
-    near = get_close_matches(column.lower(), alike, n=1, cutoff=0.4)
-    hint = f"Did you mean {alike[near[0]]!r}? " if near else ""
-    held = ", ".join(filter(None, names))[:300] or f"{len(names)} columns without names"
-    raise ConfigError(f"{path}: no column {column!r} for {key}. {hint}The file has: {held}.")
