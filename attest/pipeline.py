@@ -115,6 +115,9 @@ def inspect(
     The options are those that the command to run it will need.
     """
     recording = doubted(read(log, configuration))
+    recording = replace(
+        recording, notes=(*recording.notes, *_conditioning_doubts(recording, configuration))
+    )
     described, inspected = report.describe(recording), inspection.inspect(recording)
     for name, figures in inspected.pop("signals").items():
         described["signals"][name] |= figures
@@ -123,6 +126,18 @@ def inspect(
         "command": inspection.command(recording, options),
     }
     return recording, described | inspected | told
+
+
+def _conditioning_doubts(recording: Recording, configuration: Configuration) -> list[Note]:
+    """Return what a run would doubt before any observer sees the log, or why it would refuse it."""
+    if "gyro" not in recording.signals:  # of which the command tells
+        return []
+    try:
+        _, notes = conditioning.condition(recording, configuration)
+    except AttestError as error:
+        why = str(error).removeprefix(f"{recording.path}: ")
+        return [Note(f"a run would refuse this log: {why}", doubt=True)]
+    return [note for note in notes if note.doubt]
 
 
 def doubted(recording: Recording) -> Recording:

@@ -444,9 +444,35 @@ def test_the_option_of_a_doubt_mends_it_as_it_stands(tmp_path, name, factor):
     (warning,) = (line for line in info(path).stdout.splitlines() if "input.csv" in line)
     option = shlex.split(warning.rpartition(": ")[2])
     told = json.loads(info(path, *option, "--json").stdout)
-    assert told["warnings"] == []
+    north = "magnetic reference: magnetic north"
+    assert all(warning["text"].startswith(north) for warning in told["warnings"])
     ran = ["run", path, *option, "--quiet", "--output", tmp_path]
     assert CliRunner().invoke(cli, [*map(str, ran)], catch_exceptions=False).exit_code == 0
+
+
+def test_what_a_run_doubts_without_its_observer_is_told_before(tmp_path):
+    path = tmp_path / "flight.csv"
+    made = simulation.simulate("quadcopter")
+    mag = made.signals["mag"]
+    # a magnet for a part of the flight, and no dip like the model's
+    magnet = np.where((np.arange(len(mag.t)) > len(mag.t) // 2)[:, np.newaxis], 6e-5, 1e-5)
+    signals = {**made.signals, "mag": Signal(mag.t, mag.y + magnet * np.array([1.0, -1.0, 0.3]))}
+    simulation.write(path, replace(made, signals=signals))
+    told = [warning["text"] for warning in json.loads(info(path, "--json").stdout)["warnings"]]
+    ran = CliRunner().invoke(cli, ["run", str(path), "--json", "--output", str(tmp_path / "out")])
+    assert [warning["text"] for warning in json.loads(ran.stdout)["warnings"]] == told
+    assert any("the field turns against the gyroscope" in text for text in told)
+    assert any("the field's dip in the log is" in text for text in told)
+    for text in told:
+        assert text in info(path).stdout
+
+
+def test_a_log_that_a_run_would_refuse_is_told_why(tmp_path):
+    path = tmp_path / "fast.csv"
+    rows = "".join(f"{0.01 * i:.2f},5000,0,{i % 7}\n" for i in range(100))
+    path.write_text(f"time_s,gyro_x,gyro_y,gyro_z\n{rows}")
+    why = "the gyroscope reads over 1000 rad/s. Check its unit."
+    assert f"! a run would refuse this log: {why}" in info(path).stdout
 
 
 @pytest.mark.shared
