@@ -16,6 +16,7 @@ from attest import inspection, readers, report, simulation
 from attest.cli import cli
 from attest.errors import ConfigError, ReadError
 from attest.recording import Reference, Signal
+from attest.report.info import rhythm
 from attest.report.plot import _thinned
 from attest.simulation.degrade import Degradation, degrade
 
@@ -75,15 +76,32 @@ def test_jitter_is_that_of_the_stamps():
     assert figures(np.zeros(3000))["jitter_ms"] == 0.0
 
 
-def test_a_gyroscope_is_fast_enough_or_not():
+def test_a_gyroscope_is_fast_enough_or_not(tmp_path):
     def motion(rate):
         return inspection.inspect(recording({"gyro": gyro(tumbling, stamps(rate, 60.0))}))["motion"]
 
     assert motion(100.0)["fast_enough"]
     assert not motion(5.0)["fast_enough"]
     assert motion(5.0)["large_steps"] > 0.5
-    still = inspection.inspect(recording({"gyro": gyro(resting, stamps(5.0, 60.0))}))["motion"]
-    assert still["fast_enough"]
+    assert motion(5.0)["rate_hz"] == 5.0
+    fast, slow = (recording({"gyro": gyro(resting, stamps(rate, 60.0))}) for rate in (50.0, 2.0))
+    assert inspection.inspect(fast)["motion"]["fast_enough"]
+    # what is faster than half the rate may be there, and is not seen
+    assert inspection.inspect(slow)["motion"]["fast_enough"] is None
+    assert not any("too slow for the motion" in note.text for note in inspection.doubts(slow))
+    rows = "".join(f"{0.5 * i},0.001,0,0.00{i % 7}\n" for i in range(60))
+    (tmp_path / "slow.csv").write_text(f"time_s,gyro_x,gyro_y,gyro_z\n{rows}")
+    text = info(tmp_path / "slow.csv").stdout
+    assert "  motion      at 2 Hz the gyroscope cannot see motion faster than 1 Hz: up to" in text
+
+
+def test_a_rate_is_what_counting_tells():
+    t = stamps(250.0, 20.0)
+    thinned = t[(np.arange(len(t)) % 4 != 1) | (t > t[-1] - 10**9)]
+    told = rhythm(thinned)
+    assert told["rate_hz"] == pytest.approx(len(thinned) / 20.0, rel=0.01)
+    # a gap is told as such, and nothing of the rate
+    assert rhythm(t[(t < t[1000]) | (t > t[3000])])["rate_hz"] == 250.0
 
 
 def test_motion_beyond_the_band_makes_it_too_slow():
