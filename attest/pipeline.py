@@ -65,9 +65,10 @@ def read(log: Path, configuration: Configuration) -> Recording:
         axes=wanted.axes.model_dump(exclude_none=True),
     )
     name = configuration.evaluation.reference
-    return reference_file.join(
+    recording = reference_file.join(
         readers.read(log, options), None if name == SMOOTHER else name, options
     )
+    return inspection.in_time(recording, configuration.evaluation)
 
 
 def referenced(
@@ -133,7 +134,11 @@ def _conditioning_doubts(recording: Recording, configuration: Configuration) -> 
     if "gyro" not in recording.signals:  # of which the command tells
         return []
     try:
-        _, notes = conditioning.condition(recording, configuration)
+        samples, notes = conditioning.condition(recording, configuration)
+        wanted = configuration.evaluation
+        if wanted.reference != SMOOTHER or SMOOTHER in recording.references:
+            reference = evaluation.choose(recording, wanted.reference)
+            notes += evaluation.unshared(samples.t, reference, wanted)
     except AttestError as error:
         why = str(error).removeprefix(f"{recording.path}: ")
         return [Note(f"a run would refuse this log: {why}", doubt=True)]

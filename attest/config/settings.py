@@ -216,6 +216,9 @@ class Evaluation(Section):
     compares with nothing, smoother with attest's own over the whole log."""
     settling_bound_deg: Annotated[float, Field(gt=0, le=180)] = 5.0
     """The total error counts as settled when it stays below this."""
+    reference_shift_s: Annotated[float, Field(ge=-4e9, le=4e9)] | Literal["auto"] = 0.0
+    """Added to the stamps of the reference, whose clock is another one, s; auto: so that it turns
+    when the gyroscope does."""
     longest_gap_s: Annotated[float, Field(gt=0)] = 2.0
     """The reference is never interpolated across a longer gap than this."""
     apply_time_offset: bool = False
