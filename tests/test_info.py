@@ -17,7 +17,7 @@ from attest.cli import cli
 from attest.errors import ConfigError, ReadError
 from attest.recording import Reference, Signal
 from attest.report.info import rhythm
-from attest.report.plot import _thinned
+from attest.report.plot import _moved, _thinned
 from attest.simulation.degrade import Degradation, degrade
 
 
@@ -345,6 +345,20 @@ def test_a_long_signal_is_drawn_with_all_its_peaks(tmp_path):
     assert x.max() == 1.0
     assert at_[np.argmax(x)] == pytest.approx(31.2, abs=0.1)
     report.plot(recording({"gyro$": Signal(t, y)}), tmp_path / "peak.png")
+
+
+def test_a_position_is_drawn_in_metres_from_the_first():
+    place = np.array([[47.0, 179.9999, 500.0], [47.0001, -179.9999, 510.0]])
+    np.testing.assert_allclose(_moved(place), [[0, 0, 0], [11.12, 15.17, 10.0]], atol=0.01)
+
+
+def test_a_field_of_almost_nothing_is_told_as_it_is(tmp_path):
+    path = tmp_path / "flight.csv"
+    made = simulation.simulate("handheld")
+    weak = Signal(made.signals["mag"].t, made.signals["mag"].y * 1e-6)
+    simulation.write(path, replace(made, signals={**made.signals, "mag": weak}))
+    (line,) = (line for line in info(path).stdout.splitlines() if line.startswith("  field"))
+    assert re.fullmatch(r"  field       \d\.\d+e-05 µT in the median, 22-67 on Earth", line)
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e-4])

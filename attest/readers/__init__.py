@@ -39,7 +39,7 @@ def recognise(path: Path, *, mapped: bool = False) -> str:
     ReadError
         There is no such file, or no reader knows it.
     """
-    from attest.readers import unknown
+    from attest.readers import sensor_logger, unknown
 
     head = _head(path)
     if (packed := unknown.compressed(path, head)) is not None:
@@ -49,6 +49,11 @@ def recognise(path: Path, *, mapped: bool = False) -> str:
             return name
     if mapped and path.is_file():
         return "csv"
+    if path.is_file() and sensor_logger.is_folder(path.parent):
+        raise ReadError(
+            f"{path}: one file of a recording of Sensor Logger, whose folder is one log. "
+            f"Name the folder: {path.parent}"
+        )
     raise unknown.refusal(path, head, ", ".join(NAMES))
 
 

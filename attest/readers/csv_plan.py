@@ -148,7 +148,7 @@ def mapped(path: Path, csv: Csv, by: str = "as input.csv says", name: str = "ref
         signals=groups,
         references={name: Attitude(attitude, kind, by)} if attitude else {},
         unused=unused,
-        clock=time.source,
+        clock=layout.names[stamps.place] or f"column {stamps.place + 1}",
     )
 
 
