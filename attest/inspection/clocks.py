@@ -44,7 +44,12 @@ def in_time(recording: Recording, config: Evaluation) -> Recording:
     note = Note(f"reference {chosen.name}: taken {found:+.3f} s later, {why}")
     moved = replace(chosen, t=chosen.t + np.int64(round(found * 1e9)))
     held = {key: moved if ref is chosen else ref for key, ref in recording.references.items()}
-    return replace(recording, references=held, notes=(*recording.notes, note))
+    return replace(
+        recording,
+        references=held,
+        notes=(*recording.notes, note),
+        details={**recording.details, "reference_shift_s": found},
+    )
 
 
 def _found(recording: Recording, reference: Reference) -> float:

@@ -156,5 +156,7 @@ def _late(recording: Recording, reference: Reference, share: float) -> str | Non
     is_so, taken = ("early", "later") if shift > 0.0 else ("late", "earlier")
     text = f"is {is_so}: it turns as the gyroscope does when taken {abs(shift):.1f} s {taken}"
     if abs(shift) < LONGEST_OFFSET:
-        text += ": try --set evaluation.apply_time_offset=true"
-    return text
+        return f"{text}: try --set evaluation.apply_time_offset=true"
+    told = recording.details.get("reference_shift_s")
+    whole = shift + (told if isinstance(told, float) else 0.0)
+    return f"{text}: --set evaluation.reference_shift_s={whole:.2f}"
