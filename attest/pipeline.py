@@ -61,11 +61,14 @@ def read(log: Path, configuration: Configuration) -> Recording:
         topics=wanted.topics.model_dump(exclude_none=True),
         world=wanted.world,
         csv=wanted.csv,
+        units=wanted.unit.model_dump(exclude_none=True),
+        axes=wanted.axes.model_dump(exclude_none=True),
     )
     name = configuration.evaluation.reference
-    return reference_file.join(
+    recording = reference_file.join(
         readers.read(log, options), None if name == SMOOTHER else name, options
     )
+    return inspection.in_time(recording, configuration.evaluation)
 
 
 def referenced(
@@ -113,6 +116,9 @@ def inspect(
     The options are those that the command to run it will need.
     """
     recording = doubted(read(log, configuration))
+    recording = replace(
+        recording, notes=(*recording.notes, *_conditioning_doubts(recording, configuration))
+    )
     described, inspected = report.describe(recording), inspection.inspect(recording)
     for name, figures in inspected.pop("signals").items():
         described["signals"][name] |= figures
@@ -121,6 +127,22 @@ def inspect(
         "command": inspection.command(recording, options),
     }
     return recording, described | inspected | told
+
+
+def _conditioning_doubts(recording: Recording, configuration: Configuration) -> list[Note]:
+    """Return what a run would doubt before any observer sees the log, or why it would refuse it."""
+    if "gyro" not in recording.signals:  # of which the command tells
+        return []
+    try:
+        samples, notes = conditioning.condition(recording, configuration)
+        wanted = configuration.evaluation
+        if wanted.reference != SMOOTHER or SMOOTHER in recording.references:
+            reference = evaluation.choose(recording, wanted.reference)
+            notes += evaluation.unshared(samples.t, reference, wanted)
+    except AttestError as error:
+        why = str(error).removeprefix(f"{recording.path}: ")
+        return [Note(f"a run would refuse this log: {why}", doubt=True)]
+    return [note for note in notes if note.doubt]
 
 
 def doubted(recording: Recording) -> Recording:

@@ -31,7 +31,8 @@ OFF = (
 )
 AXES = (
     "the magnetometer's axes are not those of gyroscope and reference: the magnetometer's would "
-    "fit as (-x, y, -z), or the opposite (that explains #% of the turns; as read, #%)"
+    "fit as (-x, y, -z), or the opposite (that explains #% of the turns; as read, #%): "
+    "--set 'input.axes.mag=[x,-y,z]'"
 )
 ALONE = "'accel' is the only direction: the turn about it is not observable, and drifts"
 WORSE = (

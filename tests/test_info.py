@@ -16,7 +16,8 @@ from attest import inspection, readers, report, simulation
 from attest.cli import cli
 from attest.errors import ConfigError, ReadError
 from attest.recording import Reference, Signal
-from attest.report.plot import _thinned
+from attest.report.info import rhythm
+from attest.report.plot import _moved, _thinned
 from attest.simulation.degrade import Degradation, degrade
 
 
@@ -75,15 +76,32 @@ def test_jitter_is_that_of_the_stamps():
     assert figures(np.zeros(3000))["jitter_ms"] == 0.0
 
 
-def test_a_gyroscope_is_fast_enough_or_not():
+def test_a_gyroscope_is_fast_enough_or_not(tmp_path):
     def motion(rate):
         return inspection.inspect(recording({"gyro": gyro(tumbling, stamps(rate, 60.0))}))["motion"]
 
     assert motion(100.0)["fast_enough"]
     assert not motion(5.0)["fast_enough"]
     assert motion(5.0)["large_steps"] > 0.5
-    still = inspection.inspect(recording({"gyro": gyro(resting, stamps(5.0, 60.0))}))["motion"]
-    assert still["fast_enough"]
+    assert motion(5.0)["rate_hz"] == 5.0
+    fast, slow = (recording({"gyro": gyro(resting, stamps(rate, 60.0))}) for rate in (50.0, 2.0))
+    assert inspection.inspect(fast)["motion"]["fast_enough"]
+    # what is faster than half the rate may be there, and is not seen
+    assert inspection.inspect(slow)["motion"]["fast_enough"] is None
+    assert not any("too slow for the motion" in note.text for note in inspection.doubts(slow))
+    rows = "".join(f"{0.5 * i},0.001,0,0.00{i % 7}\n" for i in range(60))
+    (tmp_path / "slow.csv").write_text(f"time_s,gyro_x,gyro_y,gyro_z\n{rows}")
+    text = info(tmp_path / "slow.csv").stdout
+    assert "  motion      at 2 Hz the gyroscope cannot see motion faster than 1 Hz: up to" in text
+
+
+def test_a_rate_is_what_counting_tells():
+    t = stamps(250.0, 20.0)
+    thinned = t[(np.arange(len(t)) % 4 != 1) | (t > t[-1] - 10**9)]
+    told = rhythm(thinned)
+    assert told["rate_hz"] == pytest.approx(len(thinned) / 20.0, rel=0.01)
+    # a gap is told as such, and nothing of the rate
+    assert rhythm(t[(t < t[1000]) | (t > t[3000])])["rate_hz"] == 250.0
 
 
 def test_motion_beyond_the_band_makes_it_too_slow():
@@ -329,6 +347,20 @@ def test_a_long_signal_is_drawn_with_all_its_peaks(tmp_path):
     report.plot(recording({"gyro$": Signal(t, y)}), tmp_path / "peak.png")
 
 
+def test_a_position_is_drawn_in_metres_from_the_first():
+    place = np.array([[47.0, 179.9999, 500.0], [47.0001, -179.9999, 510.0]])
+    np.testing.assert_allclose(_moved(place), [[0, 0, 0], [11.12, 15.17, 10.0]], atol=0.01)
+
+
+def test_a_field_of_almost_nothing_is_told_as_it_is(tmp_path):
+    path = tmp_path / "flight.csv"
+    made = simulation.simulate("handheld")
+    weak = Signal(made.signals["mag"].t, made.signals["mag"].y * 1e-6)
+    simulation.write(path, replace(made, signals={**made.signals, "mag": weak}))
+    (line,) = (line for line in info(path).stdout.splitlines() if line.startswith("  field"))
+    assert re.fullmatch(r"  field       \d\.\d+e-05 µT in the median, 22-67 on Earth", line)
+
+
 @pytest.mark.parametrize("scale", [1.0, 1e-4])
 def test_a_field_without_strength_is_a_direction(tmp_path, scale):
     made = ros_logs.compass(
@@ -444,9 +476,35 @@ def test_the_option_of_a_doubt_mends_it_as_it_stands(tmp_path, name, factor):
     (warning,) = (line for line in info(path).stdout.splitlines() if "input.csv" in line)
     option = shlex.split(warning.rpartition(": ")[2])
     told = json.loads(info(path, *option, "--json").stdout)
-    assert told["warnings"] == []
+    north = "magnetic reference: magnetic north"
+    assert all(warning["text"].startswith(north) for warning in told["warnings"])
     ran = ["run", path, *option, "--quiet", "--output", tmp_path]
     assert CliRunner().invoke(cli, [*map(str, ran)], catch_exceptions=False).exit_code == 0
+
+
+def test_what_a_run_doubts_without_its_observer_is_told_before(tmp_path):
+    path = tmp_path / "flight.csv"
+    made = simulation.simulate("quadcopter")
+    mag = made.signals["mag"]
+    # a magnet for a part of the flight, and no dip like the model's
+    magnet = np.where((np.arange(len(mag.t)) > len(mag.t) // 2)[:, np.newaxis], 6e-5, 1e-5)
+    signals = {**made.signals, "mag": Signal(mag.t, mag.y + magnet * np.array([1.0, -1.0, 0.3]))}
+    simulation.write(path, replace(made, signals=signals))
+    told = [warning["text"] for warning in json.loads(info(path, "--json").stdout)["warnings"]]
+    ran = CliRunner().invoke(cli, ["run", str(path), "--json", "--output", str(tmp_path / "out")])
+    assert [warning["text"] for warning in json.loads(ran.stdout)["warnings"]] == told
+    assert any("the field turns against the gyroscope" in text for text in told)
+    assert any("the field's dip in the log is" in text for text in told)
+    for text in told:
+        assert text in info(path).stdout
+
+
+def test_a_log_that_a_run_would_refuse_is_told_why(tmp_path):
+    path = tmp_path / "fast.csv"
+    rows = "".join(f"{0.01 * i:.2f},5000,0,{i % 7}\n" for i in range(100))
+    path.write_text(f"time_s,gyro_x,gyro_y,gyro_z\n{rows}")
+    why = "the gyroscope reads over 1000 rad/s. Check its unit."
+    assert f"! a run would refuse this log: {why}" in info(path).stdout
 
 
 @pytest.mark.shared
@@ -461,7 +519,7 @@ def test_the_option_of_a_doubt_mends_it_as_it_stands(tmp_path, name, factor):
         ("ulog/cubeorange_rest.ulg", 0),
         ("ulog/sitl_groundtruth.ulg", 0),
         ("rosbag1/ardrone_imu.bag", 1),
-        ("rosbag1/phidgets_upside_down.bag", 0),
+        ("rosbag1/phidgets_upside_down.bag", 1),
         ("rosbag1/razor_vector3_gauss.bag", 1),
         ("rosbag1/xsens_tilt_laser.bag", 0),
     ],
@@ -471,4 +529,5 @@ def test_recorded_logs_are_doubted_only_for_disturbed_fields_and_slow_gyroscopes
 ):
     texts = [note.text for note in inspection.doubts(readers.read(shared / name))]
     assert len(texts) == doubts
-    assert all("not calibrated, or disturbed" in text or "too slow" in text for text in texts)
+    usual = ("not calibrated, or disturbed", "too slow", "upside down")
+    assert all(any(words in text for words in usual) for text in texts)

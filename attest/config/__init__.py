@@ -5,6 +5,7 @@ them.
 """
 
 from attest.config.alike import refuse_unlike, sampling, with_its_sensors
+from attest.config.axes import Axes
 from attest.config.check import validate
 from attest.config.csv import Csv
 from attest.config.files import dump, effective, find, folder, override, read, shipped
@@ -25,9 +26,12 @@ from attest.config.settings import (
     VectorWeights,
     Weights,
 )
+from attest.config.units import UNITS, Units
 
 __all__ = [
+    "UNITS",
     "Accelerometer",
+    "Axes",
     "Conditioning",
     "Configuration",
     "Csv",
@@ -42,6 +46,7 @@ __all__ = [
     "Section",
     "SmoothedConditioning",
     "SpecificForce",
+    "Units",
     "Vector",
     "VectorWeights",
     "Weights",

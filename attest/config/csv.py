@@ -5,6 +5,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from attest.config.section import Section
+from attest.config.units import AccelUnit, GyroUnit, MagUnit
 
 Column = str | Annotated[int, Field(ge=1)]
 """The name of a column, or its number, the first being 1."""
@@ -46,7 +47,7 @@ class Gyro(Measured):
 
     columns: Three | None = None
     """Along x, y, z of the body; null: those that the header names."""
-    unit: Literal["rad/s", "deg/s"] = "rad/s"
+    unit: GyroUnit = "rad/s"
     """Unit of the cells."""
 
 
@@ -55,7 +56,7 @@ class Accel(Measured):
 
     columns: Three | None = None
     """Along x, y, z of the body; null: those that the header names."""
-    unit: Literal["m/s2", "m/s^2", "g", "mg"] = "m/s2"
+    unit: AccelUnit = "m/s2"
     """Unit of the cells; g is 9.80665 m/s²."""
 
 
@@ -64,7 +65,7 @@ class Mag(Measured):
 
     columns: Three | None = None
     """Along x, y, z of the body; null: those that the header names."""
-    unit: Literal["T", "mT", "uT", "nT", "gauss", "mgauss"] = "uT"
+    unit: MagUnit = "uT"
     """Unit of the cells."""
 
 
@@ -133,6 +134,7 @@ class Csv(Section):
             raise ValueError(f"time.column is named, so {next(iter(units))}.columns are needed too")
         defaults = {key: field.default for key, field in type(self).model_fields.items()}
         told = [key for key, default in defaults.items() if getattr(self, key) != default]
-        if not self.maps and (named := [key for key in told if key not in units]):
+        alone = {*units, "reference"}  # beside columns that the header names
+        if not self.maps and (named := [key for key in told if key not in alone]):
             raise ValueError(f"{named[0]} is told, so time.column is needed too")
         return self

@@ -7,9 +7,11 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator
 
+from attest.config.axes import Axes
 from attest.config.csv import Csv
 from attest.config.section import Section
 from attest.config.sensors import Accelerometer, Iron, Matrix3, Vector3
+from attest.config.units import Units
 
 Quaternion = tuple[float, float, float, float]
 Rate = Annotated[float, Field(ge=-1e3, le=1e3)]
@@ -196,6 +198,10 @@ class Input(Section):
     """World axes of a format that does not say; null is enu for ROS, and ned for others."""
     csv: Csv | None = None
     """Columns and units of a CSV; null: those that its header names."""
+    unit: Units = Units()
+    """Units of the numbers of other logs, where these are not SI."""
+    axes: Axes = Axes()
+    """Axes that the sensors of any log lie along, where these are not the body's."""
     start_s: Annotated[float | None, Field(ge=0)] = None
     """Leave out what is earlier than this, seconds from the log's first gyroscope sample."""
     end_s: Annotated[float | None, Field(gt=0)] = None
@@ -210,6 +216,9 @@ class Evaluation(Section):
     compares with nothing, smoother with attest's own over the whole log."""
     settling_bound_deg: Annotated[float, Field(gt=0, le=180)] = 5.0
     """The total error counts as settled when it stays below this."""
+    reference_shift_s: Annotated[float, Field(ge=-4e9, le=4e9)] | Literal["auto"] = 0.0
+    """Added to the stamps of the reference, whose clock is another one, s; auto: so that it turns
+    when the gyroscope does."""
     longest_gap_s: Annotated[float, Field(gt=0)] = 2.0
     """The reference is never interpolated across a longer gap than this."""
     apply_time_offset: bool = False

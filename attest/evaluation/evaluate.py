@@ -50,8 +50,7 @@ def evaluate(
     q_ref = interpolated(reference, estimates.t, config)
     scored = np.isfinite(q_ref).all(axis=1)
     if not scored.any():
-        text = f"reference {reference.name!r} shares no time with the estimate: nothing to score"
-        return None, (*notes, Note(text, doubt=True))
+        return None, (*notes, *unshared(estimates.t, reference, config))
     apart = _apart(estimates.q[scored], q_ref[scored], config)
     error_deg = np.full((len(q_ref), 3), np.nan)
     error_deg[scored] = apart.error_deg
@@ -122,6 +121,19 @@ def _settled(
     if first is None:
         return None, None
     return float(t[first] - t[0]) * 1e-9, errors.statistics(total_deg[first:])
+
+
+def unshared(
+    t: NDArray[np.int64], reference: Reference | None, config: Evaluation
+) -> tuple[Note, ...]:
+    """Doubt a reference that shares none of the times at which it is to be compared."""
+    if reference is None or np.isfinite(interpolated(reference, t, config)).any():
+        return ()
+    text = (
+        f"reference {reference.name!r} shares no time with the estimate: nothing to score. If its "
+        "clock is another one: --set evaluation.reference_shift_s=auto, or the seconds to add to it"
+    )
+    return (Note(text, doubt=True),)
 
 
 def in_time(

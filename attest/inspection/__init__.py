@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from attest.inspection import axes, figures, frames, limits, motion, place, stamps, stuck, units
+from attest.inspection.clocks import in_time
 from attest.inspection.turning import Fit
 from attest.recording import Note, Recording
 
-__all__ = ["command", "doubts", "inspect"]
+__all__ = ["command", "doubts", "in_time", "inspect"]
 
 
 def doubts(recording: Recording) -> tuple[Note, ...]:

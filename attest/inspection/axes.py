@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from attest.inspection import carried, felt, references, turning, units
+from attest.inspection import carried, felt, mounting, references, turning, units
 from attest.inspection.turning import CLEAR, FITS, Fit
 from attest.recording import Note, Recording
 
@@ -68,11 +68,11 @@ def doubts(recording: Recording, found: Mapping[str, Fit]) -> Iterator[Note]:
     mirrored = [fit for fit in turned.values() if _mirrored(fit)]
     agreed = [] if len(turned) < 2 or not _same(turned) else list(turned.values())
     if not right and (mirrored or agreed):
-        yield _of_gyroscope((mirrored + agreed)[0])
+        yield _of_gyroscope(recording, (mirrored + agreed)[0])
         return
     for name, fit in turned.items():
         if name != "reference":
-            yield _of_vector(name, fit, right)
+            yield _of_vector(recording, name, fit, right)
     if _scale(found) is None:
         witness = next((NAMES[name] for name in right if name != "reference"), "")
         yield from references.doubts(recording, found, witness)
@@ -115,17 +115,18 @@ def _mirrored(fit: Fit) -> bool:
     return fit.unique and bool(np.linalg.det(fit.axes) < 0.0)
 
 
-def _of_gyroscope(fit: Fit) -> Note:
+def _of_gyroscope(recording: Recording, fit: Fit) -> Note:
     if np.array_equal(fit.axes, -np.eye(3)):
         text = "the gyroscope turns the wrong way about all axes: it is inverted"
     else:
         text = (
             f"the gyroscope's axes are wrong{': they' if fit.unique else ''}{_named(fit, fit.axes)}"
         )
-    return Note(text + (_evidence(fit) if fit.turns else ""), doubt=True)
+    option = f": {mounting.option(recording, 'gyro', fit.axes)}" if fit.unique else ""
+    return Note(text + _evidence(fit) + option, doubt=True)
 
 
-def _of_vector(name: str, fit: Fit, right: list[str]) -> Note:
+def _of_vector(recording: Recording, name: str, fit: Fit, right: list[str]) -> Note:
     what = f"the gyroscope's and the {NAMES[name]}'s axes are not the same"
     if right:
         what = f"the {NAMES[name]}'s axes are not those of gyroscope and {NAMES[right[0]]}"
@@ -133,8 +134,20 @@ def _of_vector(name: str, fit: Fit, right: list[str]) -> Note:
         what += f": the {NAMES[name]}'s"
     # the vector as read is P or -P times the true one, and both turn alike
     or_opposite = ", or the opposite" if fit.unique else ""
-    evidence = _evidence(fit) if fit.turns else ""
-    return Note(f"{what}{_named(fit, fit.axes.T)}{or_opposite}{evidence}", doubt=True)
+    text = f"{what}{_named(fit, fit.axes.T)}{or_opposite}{_evidence(fit)}"
+    return Note(text + _cure(recording, name, fit, right), doubt=True)
+
+
+def _cure(recording: Recording, name: str, fit: Fit, right: list[str]) -> str:
+    """Name the option that turns the vector, or the gyroscope where that may be at fault."""
+    if not fit.unique:
+        return ""
+    reference = references.default(recording) if "reference" in right else None
+    of_vector = mounting.either_way(recording, name, fit.axes.T, reference)
+    if right:
+        return f": {of_vector}"
+    of_gyro = mounting.option(recording, "gyro", fit.axes)
+    return f": {of_gyro} if the gyroscope's are wrong, else {of_vector}"
 
 
 def _named(fit: Fit, axes: NDArray[np.float64]) -> str:
@@ -142,6 +155,8 @@ def _named(fit: Fit, axes: NDArray[np.float64]) -> str:
 
 
 def _evidence(fit: Fit) -> str:
+    if not fit.turns:
+        return ""
     seen = f"{max(0.0, fit.as_read):.0%}"
     which = "that explains" if fit.unique else "others explain"
     return f" ({which} {fit.best:.0%} of the turns; as read, {seen})"

@@ -42,7 +42,7 @@ def cells(gyro: Signal, reference: Reference, shift: float = 0.0) -> Cells | Non
     edges = _edges(gyro, reference, abs(shift))
     if edges is None:
         return None
-    g, r = _means(gyro, edges), _turns(reference, edges - round(shift * 1e9))
+    g, r = means(gyro, edges), turns(reference, edges - round(shift * 1e9))
     known = np.isfinite(g + r).all(axis=1)
     return Cells(g[known], r[known]) if known.sum() >= FEWEST else None
 
@@ -76,7 +76,7 @@ def shift(gyro: Signal, reference: Reference) -> float | None:
     edges = _edges(gyro, reference, LONGEST_SHIFT)
     if edges is None:
         return None
-    g, r = _spared(_means(gyro, edges)), _spared(_turns(reference, edges))
+    g, r = _spared(means(gyro, edges)), _spared(turns(reference, edges))
     step = float(edges[1] - edges[0]) * 1e-9
     most = int(LONGEST_SHIFT / step)
     size = 1 << (len(g) + most).bit_length()
@@ -108,7 +108,7 @@ def _edges(gyro: Signal, reference: Reference, margin: float) -> NDArray[np.int6
     return first - beside + np.arange(count + 1, dtype=np.int64) * step
 
 
-def _means(gyro: Signal, edges: NDArray[np.int64]) -> Array:
+def means(gyro: Signal, edges: NDArray[np.int64]) -> Array:
     """Return mean rates by cell, NaN where a cell has no sample."""
     part = slice(*np.searchsorted(gyro.t, edges[[0, -1]]))
     t, y = gyro.t[part], gyro.y[part]
@@ -119,7 +119,7 @@ def _means(gyro: Signal, edges: NDArray[np.int64]) -> Array:
     return np.where(empty, np.nan, mean)
 
 
-def _turns(reference: Reference, edges: NDArray[np.int64]) -> Array:
+def turns(reference: Reference, edges: NDArray[np.int64]) -> Array:
     """Return the mean rates of an attitude by cell, NaN where it has a gap."""
     q = quaternion.slerp(reference.t, reference.q, edges, round(LONGEST_CELL * 1e9))
     turn = quaternion.log(quaternion.multiply(quaternion.conjugate(q[:-1]), q[1:]))

@@ -49,7 +49,7 @@ def of_earth(recording: Recording, earth: Earth | None) -> dict[str, Any]:
     for name, key, scale in (("accel", "gravity_ms2", 1.0), ("mag", "field_ut", 1e6)):
         if name in recording.signals and len(recording.signals[name].t):
             lengths = units.length_of(recording.signals[name].y)
-            figures[key] = round(float(np.median(lengths)) * scale, 4)
+            figures[key] = float(f"{np.median(lengths) * scale:.6g}")  # a wrong unit may be tiny
     if "field_ut" in figures and recording.tells("field strength"):
         figures["field_ut"] = None  # of a direction alone
     if earth is None:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from attest.geometry import earth as model
-from attest.inspection import references, worlds
+from attest.inspection import mounting, references, worlds
 from attest.inspection.place import Earth
 from attest.inspection.turning import CLEAR, FITS, Fit
 from attest.recording import Note, Recording, Reference, Signal, seconds
@@ -35,38 +35,63 @@ def doubts(recording: Recording, earth: Earth | None, found: Mapping[str, Fit]) 
     up, accel = worlds.verticals(recording), found.get("accel")
     # an accelerometer of other axes has been told of, too
     if up is not None and (accel is None or accel.shared or accel.best < CLEAR):
-        reference, turns = references.default(recording), found.get("reference")
-        # a reference that turns otherwise has been told of, and knows no vertical
-        trusted = reference if turns is None or turns.as_read >= FITS else None
-        mag = found.get("mag")
-        yield from _up(recording, trusted, up, field=mag is not None and mag.as_read >= FITS)
-        if earth is not None and mag is not None and mag.shared:
-            yield from _dip(recording, earth, up)
+        yield from _vertical(recording, earth, found, up)
     yield from _velocity(recording)
 
 
-def _up(
-    recording: Recording, reference: Reference | None, up: Signal, *, field: bool
+def _vertical(
+    recording: Recording, earth: Earth | None, found: Mapping[str, Fit], up: Signal
 ) -> Iterator[Note]:
-    """Tell of an accelerometer whose up is not that of the reference, or not of the body."""
-    cosine = None if reference is None else worlds.cosine(recording, reference, up)
-    if cosine is None or reference is None:
-        yield from _upside_down(recording, up)
-    elif cosine < OFF:
-        text = f"the accelerometer's up is {np.rad2deg(np.arccos(cosine)):.0f}° off the one of the "
-        text += f"reference {reference.name}"
-        if cosine < -AGREES:
-            text += f": one is inverted, or {_world(recording, reference, up, field)}"
-        yield Note(text, doubt=True)
+    """Compare the accelerometer's up with those of the body, the reference and the field."""
+    reference, turns, mag = references.default(recording), found.get("reference"), found.get("mag")
+    # a reference that turns otherwise has been told of, with its cure, and knows no vertical
+    trusted = reference if turns is None or turns.as_read >= FITS else None
+    dips = _dips(recording, earth, up) if earth is not None and mag and mag.shared else None
+    opposed = None if dips is None else abs(sum(dips)) < DIP_TOLERANCE
+    cosine = None if trusted is None else worlds.cosine(recording, trusted, up)
+    if cosine is None or trusted is None:
+        cures = reference is None or trusted is not None
+        told = _upside_down(recording, up, _cures(recording, opposed) if cures else "")
+    else:
+        axis = worlds.north(recording, trusted) if mag and mag.as_read >= FITS else None
+        told = _off(trusted, cosine, _inverted(recording, trusted, up, opposed, axis))
+    if told is not None:
+        yield told
+    if dips is not None and opposed:
+        yield _of_dips(*dips, "" if told else f": {mounting.inverted(recording, 'mag')}")
 
 
-def _world(recording: Recording, reference: Reference, up: Signal, field: bool) -> str:
-    """Tell of which world the reference seems to be, and the option where that would mend it."""
-    # the option changes the log's body too, so that it mends nothing where that is right
-    whole = reference.world is None and bool(np.median(_way(recording) * up.y[:, 2]) < 0.0)
-    option = worlds.try_other(recording) if whole else ""
-    name = worlds.upside_down(recording, reference) if field else None
-    return f"of another world{'' if name is None else f', as {name}'}{option}"
+def _off(reference: Reference, cosine: float, inverted: str) -> Note | None:
+    """Tell of an accelerometer whose up is not that of the reference."""
+    if cosine >= OFF:
+        return None
+    text = f"the accelerometer's up is {np.rad2deg(np.arccos(cosine)):.0f}° off the one of the "
+    text += f"reference {reference.name}"
+    return Note(text + (inverted if cosine < -AGREES else ""), doubt=True)
+
+
+def _inverted(
+    recording: Recording,
+    reference: Reference,
+    up: Signal,
+    opposed: bool | None,
+    axis: str | None,
+) -> str:
+    """Say what may be inverted, or of which world, and the options where these would mend it.
+
+    The axis is the one of the reference's world that the field's north is along.
+    """
+    accel = mounting.inverted(recording, "accel")
+    if opposed:
+        return f": it is inverted: {accel}"
+    # neither option mends anything where the accelerometer is upright in its body
+    below = bool(np.median(_way(recording) * up.y[:, 2]) < 0.0)
+    other = axis == worlds.NORTH[worlds.OTHER[recording.world]]
+    alone = f" (the accelerometer: {accel})" if below and opposed is None and not other else ""
+    whole = below and reference.world is None and (axis is None or other)
+    name = worlds.NAMES[recording.world].get(axis or "")
+    world = f"of another world{'' if name is None else f', as {name}'}"
+    return f": one is inverted{alone}, or {world}{worlds.try_other(recording) if whole else ''}"
 
 
 def _way(recording: Recording) -> float:
@@ -74,34 +99,46 @@ def _way(recording: Recording) -> float:
     return -1.0 if recording.body == "frd" else 1.0
 
 
-def _upside_down(recording: Recording, up: Signal) -> Iterator[Note]:
-    """Tell of a body whose up is below, unless the reader did."""
-    if recording.tells("up"):
-        return
+def _upside_down(recording: Recording, up: Signal, cures: str) -> Note | None:
+    """Tell of a body whose up is below, unless the log says why."""
     sign = _way(recording)
-    if np.mean(sign * up.y[:, 2] < -0.5) < UPSIDE_DOWN:
-        return
+    if recording.tells("up") or np.mean(sign * up.y[:, 2] < -0.5) < UPSIDE_DOWN:
+        return None
     way = "up" if sign < 0.0 else "down"
-    text = f"accel_z is {way}: the sensor is upside down, inverted, or of other axes"
-    yield Note(text + worlds.try_other(recording), doubt=True)
+    text = f"accel_z is {way}: the sensor is upside down, inverted, or of other axes{cures}"
+    return Note(text, doubt=True)
 
 
-def _dip(recording: Recording, earth: Earth, up: Signal) -> Iterator[Note]:
-    """Tell of a field that points out of the ground where it should point into it, or in."""
+def _cures(recording: Recording, opposed: bool | None) -> str:
+    """Name the options that mend an up that is below, by whether the dip is the opposite one."""
+    accel, world = mounting.inverted(recording, "accel"), worlds.try_other(recording)
+    if opposed:
+        return f": {accel}"
+    if opposed is not None:
+        return world
+    return f"{world + ', or ' if world else ': '}{accel} if it alone is inverted"
+
+
+def _dips(recording: Recording, earth: Earth, up: Signal) -> tuple[float, float] | None:
+    """Return the field's dip below the accelerometer's horizon, and by the model, deg."""
     mag = recording.signals["mag"]
     near, at = worlds.nearest(up.t, mag.t)
     known = float(np.rad2deg(model.dip(earth.field)))
     if near.sum() < FEWEST or abs(known) < STEEP:
-        return
+        return None
     length = np.linalg.norm(mag.y[at], axis=1)
     cosine = np.sum(mag.y[at] * up.y[near], axis=1) / np.where(length > 0.0, length, 1.0)
     seen = float(np.rad2deg(np.arcsin(np.clip(-np.median(cosine), -1.0, 1.0))))
-    if abs(seen + known) < DIP_TOLERANCE:
-        text = (
-            f"the field's dip is {seen:+.1f}° and should be {known:+.1f}°: the magnetometer or the "
-            "accelerometer is inverted"
-        )
-        yield Note(text, doubt=True)
+    return seen, known
+
+
+def _of_dips(seen: float, known: float, cure: str) -> Note:
+    """Tell of a field that points out of the ground where it should point into it, or in."""
+    text = (
+        f"the field's dip is {seen:+.1f}° and should be {known:+.1f}°: the magnetometer or the "
+        f"accelerometer is inverted{cure}"
+    )
+    return Note(text, doubt=True)
 
 
 def _velocity(recording: Recording) -> Iterator[Note]:

@@ -47,7 +47,10 @@ CORRECTIONS = {
 
 
 def of(recording: Recording) -> dict[str, Any] | None:
-    """Return how the gyroscope's rate suits its motion, JSON-like; None without one."""
+    """Return how the gyroscope's rate suits its motion, JSON-like; None without one.
+
+    Whether it is fast enough is None where its samples cannot tell.
+    """
     gyro = recording.signals.get("gyro")
     if gyro is None or len(gyro.t) < 3:
         return None
@@ -57,20 +60,23 @@ def of(recording: Recording) -> dict[str, Any] | None:
     turn = np.linalg.norm(y, axis=1) * h
     spread = float(np.linalg.norm(y.std(axis=0)))
     large, edge = float(np.mean(turn > LARGE_STEP)), _edge(gyro)
-    beyond = spread > NOISE and (np.median(steps) > 1e9 / SLOW or (edge or 0.0) > EDGE)
+    rate = 1e9 / float(np.median(steps))
+    slow = large > OFTEN or (spread > NOISE and (rate < SLOW or (edge or 0.0) > EDGE))
     return {
+        "rate_hz": round(rate, 3),
         "fastest_rad_s": round(float(np.percentile(turn / np.maximum(h, 1e-9), 99.9)), 4),
         "turn_per_step_rad_p99": round(float(np.percentile(turn, 99)), 5),
         "large_steps": round(large, 4),
         "edge_of_band": None if edge is None else round(edge, 4),
-        "fast_enough": not (large > OFTEN or beyond),
+        # what a slow gyroscope does not see may be there all the same
+        "fast_enough": False if slow else True if rate >= SLOW else None,
     }
 
 
 def doubts(recording: Recording) -> Iterator[Note]:
     """Yield that the gyroscope is too slow for the motion in it."""
     figures = of(recording)
-    if figures is not None and not figures["fast_enough"]:
+    if figures is not None and figures["fast_enough"] is False:
         yield Note(f"the gyroscope is too slow for the motion in it: {_why(figures)}", doubt=True)
 
 

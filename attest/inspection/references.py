@@ -1,13 +1,15 @@
 """Whether a reference turns as the gyroscope does, and if not, what it seems to be."""
 
-from collections.abc import Iterator, Mapping
+import json
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from attest.geometry import quaternion
-from attest.inspection import compared, turning, worlds
+from attest.geometry import frames, quaternion
+from attest.inspection import compared, mounting, turning, worlds
 from attest.inspection.compared import Cells
 from attest.inspection.turning import CLEAR, FITS, NEARLY, SIGNED, Fit
 from attest.recording import Note, Recording, Reference, Signal
@@ -98,20 +100,25 @@ def _form(recording: Recording, reference: Reference, cells: Cells, known: bool)
 def _forms(recording: Recording, reference: Reference) -> Iterator[tuple[str, float]]:
     """Yield other readings of the quaternions, and what the gyroscope explains of their turns."""
     foreign = reference.world not in {None, recording.world}
-    q = worlds.bring(reference.q) if foreign else reference.q
-    columns = ": set input.csv.reference.columns" if _is_own_csv(recording, reference) else ""
+    q = frames.bring(reference.q) if foreign else reference.q
+    first, last = (_columns(recording, reference, by) for by in (1, -1))
     for form, other in (
         ("world to body", quaternion.conjugate(q)),
-        (f"in the order (x, y, z, w){columns}", np.roll(q, 1, axis=1)),
-        (f"in the order (w, x, y, z){columns}", np.roll(q, -1, axis=1)),
+        (f"in the order (x, y, z, w){first}", np.roll(q, 1, axis=1)),
+        (f"in the order (w, x, y, z){last}", np.roll(q, -1, axis=1)),
     ):
-        read = replace(reference, q=worlds.bring(other) if foreign else other)
+        read = replace(reference, q=frames.bring(other) if foreign else other)
         cells = compared.cells(recording.signals["gyro"], read)
         yield form, 0.0 if cells is None else compared.explained(cells, np.eye(3))
 
 
-def _is_own_csv(recording: Recording, reference: Reference) -> bool:
-    return recording.format == "csv" and reference.world is None
+def _columns(recording: Recording, reference: Reference, by: int) -> str:
+    """Name the option that takes the columns of a log's own reference so many places later."""
+    columns = recording.details.get("reference_columns")
+    if reference.world is not None or not isinstance(columns, Sequence) or len(columns) != 4:
+        return ""
+    told = json.dumps([*columns[-by:], *columns[:-by]], ensure_ascii=False)
+    return f": --set {shlex.quote(f'input.csv.reference.columns={told}')}"
 
 
 def _of_axes(recording: Recording, reference: Reference, axes: Array, known: bool) -> str:
@@ -120,9 +127,12 @@ def _of_axes(recording: Recording, reference: Reference, axes: Array, known: boo
     said = f"its axes and the gyroscope's differ, and would fit as {written}"
     if known:
         said = f"it seems to be of a body with other axes, of which {written} would fit"
+        names = [name for name in mounting.SENSORS if name in recording.signals]
+        options = (mounting.option(recording, name, axes.T) for name in names)
+        said += f": {' '.join(options)}"
     if not np.array_equal(axes, FLU):
         return said
-    turned = replace(reference, q=quaternion.multiply(reference.q, worlds.BODY))
+    turned = replace(reference, q=quaternion.multiply(reference.q, frames.BODY))
     up = worlds.verticals(recording)
     cosine = None if up is None else worlds.cosine(recording, turned, up)
     if cosine is not None and cosine > -worlds.OPPOSITE:
@@ -146,5 +156,7 @@ def _late(recording: Recording, reference: Reference, share: float) -> str | Non
     is_so, taken = ("early", "later") if shift > 0.0 else ("late", "earlier")
     text = f"is {is_so}: it turns as the gyroscope does when taken {abs(shift):.1f} s {taken}"
     if abs(shift) < LONGEST_OFFSET:
-        text += ": try --set evaluation.apply_time_offset=true"
-    return text
+        return f"{text}: try --set evaluation.apply_time_offset=true"
+    told = recording.details.get("reference_shift_s")
+    whole = shift + (told if isinstance(told, float) else 0.0)
+    return f"{text}: --set evaluation.reference_shift_s={whole:.2f}"

@@ -17,6 +17,7 @@ from itertools import permutations, product
 import numpy as np
 from numpy.typing import NDArray
 
+from attest.geometry import frames
 from attest.recording import Signal, seconds
 
 Array = NDArray[np.float64]
@@ -102,9 +103,7 @@ def fit(gyro: Signal, vector: Signal) -> Fit | None:
 
 def written(axes: Array) -> str:
     """Write x, y, z of the right axes in those that were read, such as ``(y, -x, z)``."""
-    which = np.argmax(np.abs(axes), axis=1)
-    letters = [f"{'-' if axes[i, j] < 0.0 else ''}{'xyz'[j]}" for i, j in enumerate(which)]
-    return f"({', '.join(letters)})"
+    return f"({', '.join(frames.letters(axes))})"
 
 
 def moving(gyro: Array, size: int) -> NDArray[np.intp]:

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from attest.config import UNITS
 from attest.geometry.earth import FIELD, GRAVITY
 from attest.inspection.place import Earth
 from attest.recording import Note, Recording
@@ -36,12 +37,8 @@ MAG_UNITS = {1.0: "T", 1e4: "gauss", 1e6: "µT", 1e7: "mG", 1e9: "nT", 1e3: "mT"
 """By how many of them make a tesla."""
 READ_AS = {"tlog": 1e7, "dataflash": 1e7, "ulog": 1e4}
 """Units of the field that a format is read in, by how many of them make a tesla; others: tesla."""
-OPTIONS = {
-    "gyro": {"rad/s": 1.0, "deg/s": np.pi / 180.0},
-    "accel": {"m/s2": 1.0, "m/s^2": 1.0, "g": GRAVITY, "mg": 1e-3 * GRAVITY},
-    "mag": {"uT": 1e-6, "gauss": 1e-4, "mgauss": 1e-7, "nT": 1e-9, "mT": 1e-3, "T": 1.0},
-}
-"""Units that a CSV can be read in, in SI; the first of each signal is what is taken untold."""
+CSVS = frozenset({"csv", "sensor_logger"})
+"""Formats whose units are told by input.csv."""
 FIELD_MARGIN = 1.1
 """The field may be outside the Earth's range by this factor before it is doubted."""
 MODEL_MARGIN = 0.25
@@ -81,34 +78,32 @@ def too_fast(recording: Recording) -> Note | None:
     text = f"the gyroscope reads {rate:.3g} rad/s: its unit "
     if read_in(recording, "gyro") != 1.0:
         return Note(f"{text}or scale is wrong", doubt=True)
-    degree = OPTIONS["gyro"]["deg/s"]
+    degree = UNITS["gyro"]["deg/s"]
     return Note(
         f"{text}cannot be rad/s, but deg/s or mrad/s{mend(recording, 'gyro', degree)}", doubt=True
     )
 
 
 def read_in(recording: Recording, signal: str) -> float:
-    """Return the unit, in SI, that the cells of a CSV were read in; 1 of other formats."""
-    if recording.format not in {"csv", "sensor_logger"}:
-        return 1.0
-    options = OPTIONS[signal]
-    return options.get(told(recording).get(signal, ""), next(iter(options.values())))
+    """Return the unit, in SI, that a signal's numbers were taken in."""
+    options = UNITS[signal]
+    untold = next(iter(options.values())) if recording.format in CSVS else 1.0
+    return options.get(told(recording).get(signal, ""), untold)
 
 
 def told(recording: Recording) -> Mapping[str, str]:
-    """Return the units that the reader of a CSV took, by signal."""
+    """Return the units that the reader of a CSV took, or that the user told, by signal."""
     units = recording.details.get("units")
     return units if isinstance(units, Mapping) else {}
 
 
 def mend(recording: Recording, signal: str, factor: float) -> str:
     """Tell the option that multiplies a signal by such a factor, where there is one."""
-    if recording.format not in {"csv", "sensor_logger"}:
-        return ""
     wanted = factor * read_in(recording, signal)
-    for unit, scale in OPTIONS[signal].items():
+    key = f"csv.{signal}.unit" if recording.format in CSVS else f"unit.{signal}"
+    for unit, scale in UNITS[signal].items():
         if abs(wanted / scale - 1.0) < UNIT_TOLERANCE:
-            return f": --set input.csv.{signal}.unit={unit}"
+            return f": --set input.{key}={unit}"
     return ""
 
 

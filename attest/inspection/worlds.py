@@ -15,15 +15,13 @@ Array = NDArray[np.float64]
 
 FIXED = ("tlog", "dataflash", "ulog", "sensor_logger")
 """Formats whose axes are fixed by their makers."""
-WORLD = np.array([0.0, np.sqrt(0.5), np.sqrt(0.5), 0.0])
-"""Turns north-east-down into east-north-up, and back."""
-BODY = np.array([0.0, 1.0, 0.0, 0.0])
-"""Turns forward-right-down into forward-left-up, and back."""
 SAID = {"ned": "ned with a body forward-right-down", "enu": "enu with a body forward-left-up"}
 OTHER: dict[World, World] = {"ned": "enu", "enu": "ned"}
+NORTH: dict[World, str] = {"ned": "+x", "enu": "+y"}
+"""Axis that is north."""
 NAMES = {
     "ned": {"+x": "north-west-up", "+y": "east-north-up"},
-    "enu": {"+x": "north-east-down", "-y": "east-south-down"},
+    "enu": {"+x": "north-east-down", "+y": "west-north-down", "-y": "east-south-down"},
 }
 """A world that is upside down to a declared one, by the declared axis that its north is along."""
 MOST_SAMPLES = 2_000
@@ -34,11 +32,6 @@ OPPOSITE = 0.95
 FEWEST = 10
 ALONG = 0.85
 """Cosine from which a field is along an axis: declination and a bad heading leave that much."""
-
-
-def bring(q: Array) -> Array:
-    """Bring attitudes from one of the two pairs of axes to the other."""
-    return quaternion.multiply(quaternion.multiply(WORLD, q), BODY)
 
 
 def verticals(recording: Recording) -> Signal | None:
@@ -72,8 +65,8 @@ def cosine(recording: Recording, reference: Reference, up: Signal) -> float | No
     return float(np.clip(np.median(-down if recording.world == "ned" else down), -1.0, 1.0))
 
 
-def upside_down(recording: Recording, reference: Reference) -> str | None:
-    """Name the world of a reference that is upside down, by where the field points in it."""
+def north(recording: Recording, reference: Reference) -> str | None:
+    """Name the axis of a reference's world that the field's north is along."""
     mag = recording.signals["mag"]
     some = slice(None, None, -(-len(mag.t) // MOST_SAMPLES))
     near, at = nearest(mag.t[some], reference.t)
@@ -83,7 +76,7 @@ def upside_down(recording: Recording, reference: Reference) -> str | None:
     flat = np.hypot(x, y)
     along = {"+x": x, "-x": -x, "+y": y, "-y": -y}
     axis = max(along, key=lambda name: along[name])
-    return NAMES[recording.world].get(axis) if along[axis] > ALONG * flat else None
+    return axis if along[axis] > ALONG * flat else None
 
 
 def try_other(recording: Recording) -> str:

@@ -19,7 +19,7 @@ from pydantic import Field
 from attest.config import Configuration, RawConditioning, Section, Weights
 from attest.errors import ConfigError
 from attest.estimates import Estimates
-from attest.geometry import mat3, quaternion, so3, wahba
+from attest.geometry import frames, mat3, quaternion, so3, wahba
 from attest.geometry.jit import kernel
 from attest.observers.observer import (
     COLUMNS,
@@ -128,7 +128,7 @@ def _from_enu(samples: Samples, part: slice) -> Array:
     up = samples.inertial[0, samples.names.index("accel")]
     flip = np.array([1.0, 0.0, 0.0, 0.0])
     if up[2] < 0.0:  # north-east-down: x and y change places, z changes sign
-        flip = np.array([0.0, np.sqrt(0.5), np.sqrt(0.5), 0.0])
+        flip = frames.WORLD
     if "mag" not in samples.names:
         return flip[np.newaxis]
     field = samples.inertial[:, samples.names.index("mag")]

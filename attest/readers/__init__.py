@@ -11,6 +11,7 @@ from typing import Protocol, cast
 
 from attest.config import Csv
 from attest.errors import ReadError
+from attest.readers import sensors
 from attest.readers.options import ReadOptions, told, without_idle
 from attest.readers.results import is_result
 from attest.recording import Recording
@@ -39,7 +40,7 @@ def recognise(path: Path, *, mapped: bool = False) -> str:
     ReadError
         There is no such file, or no reader knows it.
     """
-    from attest.readers import unknown
+    from attest.readers import sensor_logger, unknown
 
     head = _head(path)
     if (packed := unknown.compressed(path, head)) is not None:
@@ -49,6 +50,11 @@ def recognise(path: Path, *, mapped: bool = False) -> str:
             return name
     if mapped and path.is_file():
         return "csv"
+    if path.is_file() and sensor_logger.is_folder(path.parent):
+        raise ReadError(
+            f"{path}: one file of a recording of Sensor Logger, whose folder is one log. "
+            f"Name the folder: {path.parent}"
+        )
     raise unknown.refusal(path, head, ", ".join(NAMES))
 
 
@@ -99,7 +105,8 @@ def read(path: Path, options: ReadOptions | None = None) -> Recording:
         recording = _reader(name).read(path, without_idle(name, options))
     except OSError as error:
         raise _unreadable(path, error) from error
-    return replace(recording, notes=(*told(name, options), *recording.notes))
+    read = sensors.as_told(recording, without_idle(name, options))
+    return replace(read, notes=(*told(name, options), *read.notes))
 
 
 def _reader(name: str) -> _Reader:

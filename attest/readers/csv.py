@@ -10,15 +10,21 @@ cells; lines that start with ``#`` are comments. Other columns and units by ``in
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from attest.errors import ReadError
-from attest.readers import csv_head, csv_layouts, csv_plan, csv_signals, csv_times, unknown
+from attest.readers import (
+    csv_head,
+    csv_layouts,
+    csv_plan,
+    csv_preamble,
+    csv_signals,
+    csv_times,
+    unknown,
+)
 from attest.readers.csv_layouts import Known
 from attest.readers.csv_plan import Plan
 from attest.readers.csv_signals import Taken
 from attest.readers.options import ReadOptions
-from attest.recording import Clock, Note, Recording, Signal, World
+from attest.recording import Clock, Note, Recording, World
 
 UNIX = 10**18
 """Nanoseconds, the year 2001: later stamps are unix time."""
@@ -26,8 +32,8 @@ UNIX = 10**18
 
 def recognises(head: bytes, path: Path) -> bool:  # noqa: ARG001 - the content tells, not the name
     """Whether the header names a ``time_s`` column, or is that of a known logger."""
-    line = csv_head.lines(head).first
-    return csv_head.TIME in csv_head.fields(line)[0] or csv_layouts.of_log(head) is not None
+    line, _ = csv_preamble.header(head)
+    return csv_head.TIME in csv_head.fields(line.first)[0] or csv_layouts.of_log(head) is not None
 
 
 def read(path: Path, options: ReadOptions) -> Recording:
@@ -77,8 +83,10 @@ def recording(
 ) -> Recording:
     """Return what was taken as a recording on its own clock and axes."""
     notes = taken.notes
+    if plan.layout.before:
+        notes.append(Note("lines before the header, skipped", plan.layout.before))
     if known is None:
-        world = _world(options.world, taken.signals, notes)
+        world = _world(options.world, notes)
     else:
         world = options.world or known.world
         notes += csv_layouts.notes(known, world)
@@ -97,7 +105,7 @@ def recording(
         body="frd" if world == "ned" else "flu",
         notes=tuple(notes),
         details={"rows": taken.rows, "columns": list(plan.layout.names[:1000])}
-        | {"units": csv_plan.units(plan)}
+        | {"units": csv_plan.units(plan), "reference_columns": csv_plan.columns(plan)}
         | ({"layout": known.name} if known else {}),
     )
 
@@ -120,7 +128,7 @@ def _plan(path: Path, options: ReadOptions, known: Known | None) -> Plan:
         if options.csv is not None and options.csv.maps:
             return csv_plan.mapped(path, options.csv)
         plan = csv_layouts.plan(path, known) if known else csv_plan.canonical(path)
-        return plan if options.csv is None else csv_plan.in_units(path, plan, options.csv)
+        return plan if options.csv is None else csv_plan.amended(path, plan, options.csv)
     except OSError as error:
         raise ReadError(f"{path}: {error.strerror or error}. Check the file.") from error
 
@@ -137,13 +145,9 @@ def _with_truth(path: Path, known: Known | None, taken: Taken) -> Taken:
     )
 
 
-def _world(given: World | None, signals: dict[str, Signal], notes: list[Note]) -> World:
-    """Axes as declared, else north-east-down: noted, and doubted if gravity says otherwise."""
+def _world(given: World | None, notes: list[Note]) -> World:
+    """Axes as declared, else north-east-down, and noted."""
     if given is not None:
         return given
     notes.append(Note("world axes not declared: north-east-down and body forward-right-down taken"))
-    if "accel" in signals and np.median(signals["accel"].y[:, 2]) > 5.0:
-        notes.append(
-            Note("accel_z is up, as in a body with z up: try --world enu", doubt=True, about="up")
-        )
     return "ned"

@@ -135,12 +135,25 @@ def read_rows(path: Path, layout: Layout, stamps: Stamps, wanted: Sequence[int])
             table, odd = _parse(path, layout, types, encoding)
         except pa.ArrowInvalid as error:
             if value == text:
-                why = str(error).splitlines()[0].rstrip(".")[:200]
-                raise ReadError(f"{path}: not a readable CSV: {why}. Mend the file.") from error
+                raise _unreadable(path, str(error)) from error
             continue
         if time != real or _small(table[str(stamps.place)], stamps):
             return Rows(table, layout, stamps, wanted, odd)
     raise AssertionError  # pragma: no cover - the last attempt returns or raises
+
+
+def _unreadable(path: Path, why: str) -> ReadError:
+    """Return what to say of a file that cannot be split into cells."""
+    with path.open("rb") as file:
+        lines = iter(lambda: file.readline(BLOCK + 1), b"")
+        number = next((i for i, line in enumerate(lines, 1) if len(line) > BLOCK), None)
+    if number is not None:
+        return ReadError(
+            f"{path}: line {number} is longer than {BLOCK >> 20} MB, as no row is. "
+            "Check how the file was made."
+        )
+    why = why.splitlines()[0].rstrip(".")[:200]
+    return ReadError(f"{path}: not a readable CSV: {why}. Mend the file.")
 
 
 def _encoding(path: Path) -> str:

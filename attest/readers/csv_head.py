@@ -13,6 +13,7 @@ TIME = "time_s"
 BLOCK = 1 << 20
 """Longest header and row, bytes."""
 
+_SEPARATOR = re.compile(rb"\s*\"?sep=[,;\t |]\"?\s*$", re.IGNORECASE)
 _LINE = re.compile(rb"[^\r\n]*(?:\r\n?|\n|\Z)")
 _UTF8 = b"\xef\xbb\xbf"
 UTF16 = (b"\xff\xfe", b"\xfe\xff")
@@ -30,6 +31,8 @@ class Layout:
     start: int
     """Byte at which the rows begin."""
     comment: str = "#"
+    before: int = 0
+    """Lines before the header that are no part of it, and were not told to be left out."""
 
 
 class Lines(NamedTuple):
@@ -45,17 +48,39 @@ class Lines(NamedTuple):
 
 
 def lines(head: bytes, skip: int = 0, comment: bytes = b"#") -> Lines:
-    """Find the first line of a file, some lines left out before it."""
+    """Find the first line of a file, some lines and Excel's ``sep=;`` left out before it."""
     end = len(_UTF8) if head.startswith(_UTF8) else 0
     told = b""
     for i, match in enumerate(_LINE.finditer(head, end)):  # the first few: no list of all
         line, (begin, end) = match[0], match.span()
-        if i < skip or not line.strip():
+        if i < skip or not line.strip() or (i == 0 and _SEPARATOR.match(line)):
             continue
         if not line.lstrip().startswith(comment):
             return Lines(told, line.strip(b" \r\n"), begin, end)
         told = line.strip().removeprefix(comment).strip()
     return Lines(told, b"", end, end)
+
+
+def has_separator(head: bytes) -> bool:
+    """Whether Excel's line that tells the separator comes first."""
+    start = len(_UTF8) if head.startswith(_UTF8) else 0
+    found = _LINE.match(head, start)
+    return found is not None and _SEPARATOR.match(found[0]) is not None
+
+
+def following(line: Lines, head: bytes) -> Lines:
+    """Find the first line behind another one, its place that in the whole."""
+    found = lines(head[line.end :])
+    return found._replace(begin=found.begin + line.end, end=found.end + line.end)
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell is a number, with a decimal point or comma."""
+    try:
+        float(cell.replace(",", "."))
+    except ValueError:
+        return False
+    return True
 
 
 def cells(line: bytes, separator: str) -> tuple[str, ...]:
@@ -102,24 +127,3 @@ def in_utf16(path: Path) -> ReadError:
 def decimal(separator: str, row: bytes) -> str:
     """Return the sign before decimals."""
     return "," if separator == ";" and b"," in row else "."
-
-
-def canonical(path: Path) -> Layout:
-    """Look at the header and the first row of a canonical CSV.
-
-    Raises
-    ------
-    ReadError
-        There is none, or no ``time_s`` column.
-    """
-    head = read(path)
-    line = lines(head[:BLOCK])
-    if not line.first:
-        raise ReadError(f"{path}: no header line. Start the file with time_s, gyro_x, ….")
-    names, by = fields(line.first)
-    if TIME not in names:
-        raise ReadError(f"{path}: no time_s column. Name the column of seconds time_s.")
-    row = lines(head[line.end :]).first
-    if not row:
-        raise ReadError(f"{path}: a header and no rows. Check how the file was made.")
-    return Layout(names, by, decimal(by, row), b'"' in line.first, line.end)

@@ -3,15 +3,12 @@
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
-from math import pi
 from pathlib import Path
 from typing import NamedTuple
 
-from attest.config import Csv
+from attest.config import UNITS, Csv
 from attest.errors import ConfigError, ReadError
-from attest.geometry.earth import GRAVITY
-from attest.readers import csv_head
+from attest.readers import csv_columns, csv_head, csv_preamble
 from attest.readers.csv_cells import Stamps
 from attest.readers.csv_head import TIME, Layout
 from attest.recording import Kind
@@ -22,13 +19,9 @@ _NAMES = {"vel": "velocity"}
 """Signals that go by another name in a Recording."""
 _RESERVED = ("position", "velocity")
 """Signals with a meaning that ``<name>_x`` columns would not have."""
-_FACTORS = {
-    "rad/s": 1.0, "deg/s": pi / 180.0, "m/s2": 1.0, "m/s^2": 1.0,
-    "g": GRAVITY, "mg": 1e-3 * GRAVITY,
-    "T": 1.0, "mT": 1e-3, "uT": 1e-6, "nT": 1e-9, "gauss": 1e-4, "mgauss": 1e-7,
-}  # fmt: skip
+_FACTORS = {unit: factor for units in UNITS.values() for unit, factor in units.items()}
 """To SI."""
-_UNITS = {"gyro": "rad/s", "accel": "m/s2", "mag": "uT"}
+_UNITS = {name: next(iter(units)) for name, units in UNITS.items()}
 """Of the columns that go by their canonical names."""
 DIGITS = {"s": 9, "ms": 6, "us": 3, "ns": 0}
 """Decimals of each unit of time that make a nanosecond."""
@@ -81,7 +74,7 @@ def canonical(path: Path) -> Plan:
     ReadError
         It does not, or names it twice.
     """
-    layout = csv_head.canonical(path)
+    layout = csv_preamble.canonical(path)
     groups = _groups(layout.names)
     used = {name for group in groups.values() for name in group} | {TIME}
     held = Counter(layout.names)
@@ -133,11 +126,12 @@ def mapped(path: Path, csv: Csv, by: str = "as input.csv says", name: str = "ref
         A column is told that the file does not have.
     """
     told = _told(csv)
-    layout = _layout(path, csv, [c for cs, _ in told.values() for c in cs if isinstance(c, str)])
-    places = {
-        key: tuple(_place(path, layout, column, f"input.csv.{key}") for column in columns)
-        for key, (columns, _) in told.items()
-    }
+    layout = csv_columns.layout(
+        path, csv, [c for cs, _ in told.values() for c in cs if isinstance(c, str)]
+    )
+    places = csv_columns.places(
+        path, csv, layout, {key: columns for key, (columns, _) in told.items()}
+    )
     groups = {
         key.removeprefix("vectors."): Group(places[key], ", ".join(map(str, columns)), unit)
         for key, (columns, unit) in told.items()
@@ -154,7 +148,7 @@ def mapped(path: Path, csv: Csv, by: str = "as input.csv says", name: str = "ref
         signals=groups,
         references={name: Attitude(attitude, kind, by)} if attitude else {},
         unused=unused,
-        clock=time.source,
+        clock=layout.names[stamps.place] or f"column {stamps.place + 1}",
     )
 
 
@@ -164,13 +158,21 @@ def units(plan: Plan) -> dict[str, str]:
     return {"time": time} | {key: group.unit for key, group in plan.signals.items() if group.unit}
 
 
+def columns(plan: Plan) -> list[str | int]:
+    """Return the columns of the reference by name, or by number where that is not enough."""
+    names = plan.layout.names
+    places = [place for attitude in plan.references.values() for place in attitude.group.places]
+    clear = {name for name, count in Counter(names).items() if name and count == 1}
+    return [names[place] if names[place] in clear else place + 1 for place in places]
+
+
 def listed(units: Mapping[str, str]) -> str:
     """Return units as text, such as ``time ms, gyro deg/s``."""
     return ", ".join(f"{key} {unit}" for key, unit in units.items())
 
 
-def in_units(path: Path, plan: Plan, csv: Csv) -> Plan:
-    """Take the columns of a plan in the units that are told alone.
+def amended(path: Path, plan: Plan, csv: Csv) -> Plan:
+    """Take the columns of a plan in the units, and the reference of the columns, told alone.
 
     Raises
     ------
@@ -186,7 +188,18 @@ def in_units(path: Path, plan: Plan, csv: Csv) -> Plan:
                 f"{path}: no columns of {key} for input.csv.{key}.unit. The file has: {held}."
             )
     told = {key: plan.signals[key]._replace(unit=unit) for key, unit in units.items()}
-    return replace(plan, stamps=stamps, signals={**plan.signals, **told})
+    plan = replace(plan, stamps=stamps, signals={**plan.signals, **told})
+    if csv.reference is None:
+        return plan
+    columns, key = csv.reference.columns, "input.csv.reference"
+    group = Group(
+        tuple(csv_columns.place(path, plan.layout, column, key) for column in columns),
+        ", ".join(map(str, columns)),
+    )
+    attitude = Attitude(group, csv.reference.kind, "as input.csv says")
+    used = {plan.layout.names[place] for place in group.places}
+    unused = [name for name in plan.unused if name not in used]
+    return replace(plan, references={"ref": attitude}, unused=unused)
 
 
 def fits(path: Path, csv: Csv) -> bool:
@@ -219,59 +232,3 @@ def _told(csv: Csv) -> dict[str, tuple[tuple[str | int, ...], str]]:
         if (section := getattr(csv, key)) is not None:
             told[key] = section.columns, getattr(section, "unit", "")
     return told | {f"vectors.{key}": (v.columns, "") for key, v in csv.vectors.items()}
-
-
-def _layout(path: Path, csv: Csv, wanted: Sequence[str]) -> Layout:
-    """How the cells stand, as far as told, and else as it looks."""
-    head = csv_head.read(path)
-    sign = csv.comment.encode()
-    line = csv_head.lines(head, csv.skip, sign)
-    names: tuple[str, ...] = ()
-    start, row = line.begin, line.first
-    if csv.header and line.first:
-        # a header may stand in a comment
-        header = max(line.first, line.told, key=lambda text: _found(text, csv.separator, wanted))
-        names, by = _split(header, csv.separator, wanted)
-        if header is line.first:
-            start, row = line.end, csv_head.lines(head[line.end :], 0, sign).first
-    else:
-        by = csv.separator or csv_head.separator(row)
-    if not row:
-        raise ReadError(f"{path}: no rows. Check the file, and input.csv.skip.")
-    width = len(csv_head.cells(row, by))
-    if not names or row.endswith(by.encode()):  # that ends each row
-        names += ("",) * (width - len(names))
-    quoted = b'"' in line.first + row
-    point = csv.decimal or csv_head.decimal(by, row)
-    return Layout(names, by, point, quoted, start, csv.comment)
-
-
-def _split(
-    header: bytes, separator: str | None, wanted: Sequence[str]
-) -> tuple[tuple[str, ...], str]:
-    if separator:
-        return csv_head.cells(header, separator), separator
-    split = csv_head.fields(header, wanted)
-    return split if len(split[0]) > 1 else (csv_head.cells(header, " "), " ")
-
-
-def _found(header: bytes, separator: str | None, wanted: Sequence[str]) -> int:
-    return len(set(_split(header, separator, wanted)[0]) & set(wanted))
-
-
-def _place(path: Path, layout: Layout, column: str | int, key: str) -> int:
-    """Place of a column by its name or number."""
-    names = layout.names
-    if isinstance(column, int):
-        if column > len(names):
-            raise ConfigError(f"{path}: no column {column} for {key}. The file has {len(names)}.")
-        return column - 1
-    if names.count(column) == 1:
-        return names.index(column)
-    if column in names:
-        raise ConfigError(f"{path}: two columns are named {column!r}. Give {key} its number.")
-    alike = {name.lower(): name for name in names if name}
-    near = get_close_matches(column.lower(), alike, n=1, cutoff=0.4)
-    hint = f"Did you mean {alike[near[0]]!r}? " if near else ""
-    held = ", ".join(filter(None, names))[:300] or f"{len(names)} columns without names"
-    raise ConfigError(f"{path}: no column {column!r} for {key}. {hint}The file has: {held}.")

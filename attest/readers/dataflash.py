@@ -166,7 +166,9 @@ def _velocity(log: _Log) -> Signal | None:
             text = f"{stream.label} with a velocity of zero throughout: not used"
             log.notes.append(Note(text))
             continue
-        return _signal(log, stream, y, held, "velocity")
+        signal = _signal(log, stream, y, held, "velocity")
+        if signal is not None:
+            return signal
     return None
 
 

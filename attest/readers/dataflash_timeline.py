@@ -7,6 +7,7 @@ import numpy as np
 
 from attest.geometry import gps as gps_time
 from attest.readers import mavlink_clock as clock
+from attest.readers import mavlink_restarts
 from attest.readers.dataflash_format import Ints, Table
 from attest.readers.dataflash_signals import Stream, fixed
 from attest.readers.mavlink_clock import SECOND, Times
@@ -53,8 +54,8 @@ def timeline(streams: Sequence[Stream], base: str, notes: list[Note]) -> Timelin
         return None
     gps = [s for s in streams if s.message.startswith("GPS") and s.label in timed]
     sound = {label: times.sound() for label, times in timed.items() if len(times.sound())}
-    parts = clock.segments(sound, base, _utc(gps, timed))
-    timed = {label: clock.mapped(times, parts) for label, times in timed.items()}
+    parts = mavlink_restarts.segments(sound, base, _utc(gps, timed))
+    timed = {label: mavlink_restarts.mapped(times, parts) for label, times in timed.items()}
     found = restarts(parts, timed[base].sound(), notes)
     utc = _utc(gps, timed)
     if utc is None:

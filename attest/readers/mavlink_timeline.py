@@ -6,8 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from attest.readers import mavlink_clock as clock
+from attest.readers import mavlink_restarts
 from attest.readers.mavlink import Ints
-from attest.readers.mavlink_clock import SECOND, Segment, Times
+from attest.readers.mavlink_clock import SECOND, Times
+from attest.readers.mavlink_restarts import Segment
 from attest.readers.mavlink_scan import Table
 from attest.recording import Clock, Note
 
@@ -80,11 +82,11 @@ def timeline(
         timed[name] = timed[name].moved(shift) if shift else timed[name]
     now = {name: times for name, times in timed.items() if name in NOW}
     sound = {name: times.sound() for name, times in now.items()}
-    parts = clock.segments(sound, base, _unix(tables, timed))
-    timed = {name: clock.mapped(times, parts) for name, times in timed.items()}
+    parts = mavlink_restarts.segments(sound, base, _unix(tables, timed))
+    timed = {name: mavlink_restarts.mapped(times, parts) for name, times in timed.items()}
     base_times = timed[base].sound()
     rebooted = restarts(parts, base_times, notes)
-    _late(clock.falls(now), {part.at for part in parts}, base_times, notes)
+    _late(mavlink_restarts.falls(now), {part.at for part in parts}, base_times, notes)
     chosen = _clock(base_times, _unix(tables, timed), stamped, notes)
     now = {name: timed[name] for name in now}
     return Timeline(chosen, rebooted, timed, base_times, clock.together([*now.values()]))
@@ -153,7 +155,9 @@ def _clock(base: Times, unix: tuple[Ints, Ints] | None, stamped: bool, notes: li
     return Clock("autopilot boot clock, UTC by the receiver's stamps", late)
 
 
-def _late(found: list[clock.Fall], reboots: set[int], base: Times, notes: list[Note]) -> None:
+def _late(
+    found: list[mavlink_restarts.Fall], reboots: set[int], base: Times, notes: list[Note]
+) -> None:
     """Note where many messages show an older time for a moment: they were delivered late."""
     late = [fall for fall in found if fall.at not in reboots and len(fall.names) > 1]
     if len(late) > SINGLY:

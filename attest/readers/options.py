@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from attest.config import Csv
+from attest.config.axes import Signed
 from attest.recording import Note, World
 
 
@@ -22,6 +23,10 @@ class ReadOptions:
     """World axes of a log that does not say."""
     csv: Csv | None = None
     """Columns and units of a CSV that is not the canonical one."""
+    units: Mapping[str, str] | None = None
+    """Units of gyro, accel or mag that should be SI, of other logs than CSVs."""
+    axes: Mapping[str, Signed] | None = None
+    """x, y, z of the body in the axes that a log gives for gyro, accel or mag."""
     references_alone: bool = False
     """Take a ROS log that has references but neither gyroscope nor feature points."""
 
@@ -30,8 +35,11 @@ TAKEN = {
     "vehicle": ("tlog",),
     "imu": ("tlog", "dataflash", "ulog", "ros"),
     "topics": ("ros",),
+    "units": ("ros", "ulog", "dataflash", "tlog"),
 }
 """Formats that have such a choice."""
+NAMES = {"topics": "input.topics", "units": "input.unit"}
+"""Of choices that have no option of their own."""
 WORLDS: Mapping[str, World] = {
     "tlog": "ned",
     "dataflash": "ned",
@@ -51,8 +59,10 @@ def told(form: str, options: ReadOptions) -> tuple[Note, ...]:
     """Tell of each choice that is left out: one configuration may be for logs of many formats."""
     notes = []
     for name in _idle(form, options):
-        option = f"input.{name}" if name == "topics" else f"--{name} (input.{name})"
+        option = NAMES.get(name, f"--{name} (input.{name})")
         what = f"is in {WORLDS[form]}" if name == "world" else f"has no choice of {name}"
+        if name == "units":
+            what = "has input.csv.gyro.unit, and so on"
         notes.append(Note(f"{option} means nothing here, {form} {what}: left out", doubt=True))
     return tuple(notes)
 

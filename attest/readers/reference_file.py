@@ -7,10 +7,9 @@ import numpy as np
 
 from attest import readers
 from attest.errors import ConfigError, ReadError
-from attest.geometry import quaternion
+from attest.geometry import frames
 from attest.readers import csv, csv_layouts
 from attest.readers.options import ReadOptions, without_idle
-from attest.readers.ros_axes import BODY, WORLD
 from attest.recording import Note, Recording, Reference
 
 AXES = {
@@ -64,12 +63,13 @@ def _read(path: Path, options: ReadOptions) -> Recording:
     if path.is_dir() and not readers.is_log(path):
         raise ReadError(f"{path}: a folder, and no log. Name the reference's file in it.")
     trajectory = path.is_file() and csv_layouts.of_trajectory(path) is not None
-    mapped = options.csv is not None and options.csv.reference is not None
+    told = options.csv
+    mapped = told is not None and told.maps and told.reference is not None
     form = "csv" if trajectory else readers.recognise(path, mapped=mapped)
     if form == "csv":
         return csv.references(path, options)
     # the choices are those of the log, whose format may have more of them
-    choices = replace(options, csv=None, references_alone=True)
+    choices = replace(options, csv=None, units=None, axes=None, references_alone=True)
     return readers.read(path, without_idle(form, choices))
 
 
@@ -89,7 +89,7 @@ def _brought(
     name, notes = other.path.name, []
     q, t = attitude.q, attitude.t
     if other.world != recording.world:
-        q = quaternion.multiply(quaternion.multiply(WORLD, q), BODY)
+        q = frames.bring(q)
         text = f"{name}: turned from {AXES[other.world]} to {AXES[recording.world]}"
         notes.append(Note(text))
     theirs, ours = other.clock.utc_offset, recording.clock.utc_offset

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from attest.errors import ReadError
-from attest.geometry import quaternion
+from attest.geometry import frames, quaternion
 from attest.readers import gps, ros_axes, ros_choose, ros_clock, ros_decoded, ros_files
 from attest.readers.options import ReadOptions
 from attest.readers.ros_axes import Fixed
@@ -54,7 +54,8 @@ def read(path: Path, options: ReadOptions) -> Recording:
     if main is None:
         raise ReadError(f"{path}: {_nothing(counts)}")
     world = _world(offers, main, options, notes)
-    log = _Log(path, offers, chosen, topics, main, world, notes, ros_clock.lag(main))
+    log = _Log(path, offers, chosen, topics, dict(options.units or {}), main, world, notes,
+               ros_clock.lag(main))  # fmt: skip
     signals, references = _signals(log), _references(log)
     stamps = [signal.t for signal in signals.values()] + [r.t for r in references.values()]
     if not stamps:
@@ -81,6 +82,8 @@ class _Log:
     chosen: Mapping[str, Offer]
     topics: Mapping[str, str]
     """That the user names, by role."""
+    units: Mapping[str, str]
+    """That the user tells, by role."""
     main: Offer
     """Its clock and frame are the log's: the gyroscope, else a feature point, else a reference."""
     world: World
@@ -104,30 +107,31 @@ def _world(offers: Sequence[Offer], main: Offer, options: ReadOptions, notes: li
         return "ned"
     own = ros_axes.fixed(offers).get(("map", "world"))
     if own is not None and ros_choose.OWN in main.topic:
-        if abs(float(own @ ros_axes.WORLD)) > 0.999:
+        if abs(float(own @ frames.WORLD)) > 0.999:
             notes.append(Note("world north-east-down, as attest's own results say"))
             return "ned"
         return "enu"
     accel = [offer.y for offer in offers if offer.role == "accel" and offer.topic == main.topic]
-    if accel and _is_upside_down(np.nanmedian(accel[0], axis=0), main, ros_axes.fixed(offers)):
-        notes.append(Note("accel_z is down: the sensor is upside down, or its driver does not keep "
-                          "to REP-103: try --world ned", doubt=True, about="up"))  # fmt: skip
+    if accel and _is_mounted_so(np.nanmedian(accel[0], axis=0), main, ros_axes.fixed(offers)):
+        text = "accel_z is down: the sensor is upside down, as the log's static transforms say"
+        notes.append(Note(text, about="up"))
     return "enu"
 
 
-def _is_upside_down(accel: Array, main: Offer, known: Fixed) -> bool:
-    """Whether gravity is the wrong way in the sensor's frame, and the log's transforms agree."""
+def _is_mounted_so(accel: Array, main: Offer, known: Fixed) -> bool:
+    """Whether gravity is the wrong way in the sensor's frame, and the right way in another one."""
     frames = {frame for pair in known for frame in pair}
     turns = (ros_axes.between(known, frame, main.frame) for frame in frames)
     upright = any(quaternion.rotate(q, accel)[2] > _UP for q in turns if q is not None)
-    return bool(accel[2] < -_UP) and not upright
+    return bool(accel[2] < -_UP) and upright
 
 
 def _signals(log: _Log) -> dict[str, Signal]:
     found: dict[str, Signal] = {}
     known = ros_axes.fixed(log.offers)
     for role, offer in [*log.chosen.items(), *_points(log)]:
-        right = in_tesla(offer, log.notes) if role == "mag" and offer.axes != "px4" else offer
+        open_unit = role == "mag" and offer.axes != "px4" and role not in log.units
+        right = in_tesla(offer, log.notes) if open_unit else offer
         if role in _IN_BODY:
             right = ros_axes.into_body(right, log.main.frame, known, log.notes)
         if (signal := _signal(log, _turned(log, right))) is not None:

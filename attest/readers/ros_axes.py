@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from attest.geometry import quaternion
+from attest.geometry import frames, quaternion
 from attest.readers.ros_decode import Array
 from attest.readers.ros_offers import Offer
 from attest.recording import Note, World
@@ -15,10 +15,6 @@ STILL = 1e-6
 """A transform whose quaternion moves by no more than this is fixed, on whatever topic."""
 WORLDS = re.compile(r"map|world|odom|earth|enu|ned|utm|origin|global|local|inertial")
 """Names of frames that stand still."""
-WORLD = np.array([0.0, np.sqrt(0.5), np.sqrt(0.5), 0.0])
-"""Turns north-east-down into east-north-up, and back."""
-BODY = np.array([0.0, 1.0, 0.0, 0.0])
-"""Turns forward-right-down into forward-left-up, and back."""
 
 Fixed = Mapping[tuple[str, str], Array]
 """Rotations by (parent, child): ``v_parent = rotate(q, v_child)``."""
@@ -93,8 +89,7 @@ def axes(offer: Offer, own: World, target: World) -> Offer:
     if own == target:
         return offer
     if offer.role == "reference":
-        turned = quaternion.multiply(quaternion.multiply(WORLD, offer.y), BODY)
-        return replace(offer, y=turned)
+        return replace(offer, y=frames.bring(offer.y))
     if offer.role == "velocity":
         return replace(offer, y=offer.y[:, [1, 0, 2]] * np.array([1.0, 1.0, -1.0]))
     if offer.role == "position":

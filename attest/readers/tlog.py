@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from attest.errors import ReadError
 from attest.geometry import quaternion
-from attest.readers import gps, mavlink_scan, mavlink_vehicle
+from attest.readers import gps, mavlink_frames, mavlink_scan, mavlink_vehicle
 from attest.readers import mavlink_signals as messages
 from attest.readers.mavlink import V2, Ints
 from attest.readers.mavlink_scan import Scan, Table
@@ -31,7 +31,7 @@ WANTED = {*INERTIAL, *ATTITUDES, *NOW, *VELOCITY, *POSITION, *RECEIVERS, "SYSTEM
 def recognises(head: bytes, path: Path) -> bool:  # noqa: ARG001 (others look at the path)
     """Whether frames with right checksums lie in the first bytes, be it behind junk."""
     buffer = np.frombuffer(head, np.uint8)
-    frames = mavlink_scan.checked_frames(buffer)
+    frames = mavlink_frames.checked_frames(buffer)
     if not len(frames):
         return False
     # two bytes of checksum and one of message id are right by chance now and then

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from attest.errors import ReadError
-from attest.readers import csv_head, csv_layouts
+from attest.readers import csv_head, csv_layouts, csv_preamble
 
 COMPRESSED = {
     b"\x1f\x8b": "gzip",
@@ -17,8 +17,6 @@ COMPRESSED = {
 """By the bytes that a file begins with."""
 SHOWN = 8
 """Names of columns that fit one line."""
-ROWS = 4
-"""Lines behind a header among which there must be one of numbers: units may stand between."""
 MAP = "by input.csv in a YAML (README.md, Configuration), and name it by --observer"
 
 
@@ -35,67 +33,27 @@ def refusal(path: Path, head: bytes, formats: str) -> ReadError:
     if csv_layouts.of_trajectory(path) is not None:
         return csv_layouts.no_log(path)
     text = head.decode("utf-16", "replace").encode() if head.startswith(csv_head.UTF16) else b""
-    if columns(text) is not None:
+    if csv_preamble.columns(text) is not None:
         return csv_head.in_utf16(path)
-    names = columns(head)
-    if names is None:
+    found = csv_preamble.columns(head)
+    if found is None:
         return ReadError(
             f"{path}: not a log that attest knows ({formats}). Check that it is the file you meant."
         )
-    if not names:
+    if not found.names:
+        skip = f" and skip: {found.skip}" if found.skip else ""
         return ReadError(
             f"{path}: a CSV without names of its columns. Tell their numbers {MAP}, "
-            "with header: false."
+            f"with header: false{skip}."
         )
+    skip = f", with skip: {found.skip}" if found.skip else ""
     return ReadError(
-        f"{path}: a CSV whose columns attest does not know: {listed(names)}. Tell them {MAP}."
+        f"{path}: a CSV whose columns attest does not know: {listed(found.names)}. "
+        f"Tell them {MAP}{skip}."
     )
-
-
-def columns(head: bytes) -> list[str] | None:
-    """Return the names of a CSV's columns, none where the first line is one of numbers.
-
-    None of a file that is no CSV.
-    """
-    if b"\0" in head:
-        return None
-    line = csv_head.lines(head)
-    if _is_numbers(line.first):
-        told = _cells(line.told)
-        return [] if len(told) != len(_cells(line.first)) else _named(told)
-    names, head = _cells(line.first), head[line.end :]
-    for _ in range(ROWS):
-        row = csv_head.lines(head)
-        if _is_numbers(row.first):
-            return _named(names) if len(names) > 1 else None
-        head = head[row.end :]
-    return None
 
 
 def listed(names: list[str]) -> str:
     """Return the first of some names, and how many there are in all."""
     shown = ", ".join(name[:40] for name in names[:SHOWN])
     return shown if len(names) <= SHOWN else f"{shown}, … ({len(names)} in all)"
-
-
-def _named(names: tuple[str, ...]) -> list[str]:
-    return [name for name in names if name]
-
-
-def _cells(line: bytes) -> tuple[str, ...]:
-    return csv_head.cells(line, csv_head.separator(line))
-
-
-def _is_numbers(line: bytes) -> bool:
-    """Whether most cells of a line are numbers, two or more."""
-    filled = _named(_cells(line))
-    numbers = sum(_is_number(cell) for cell in filled)
-    return numbers > 1 and 2 * numbers > len(filled)
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell.replace(",", "."))
-    except ValueError:
-        return False
-    return True

@@ -13,6 +13,8 @@ from attest.report.worth import NAME, SOURCE, fitted, text_of_worth, width
 
 GAP = 5
 """A gap is a step of more than this many times the median."""
+UNEVEN = 0.05
+"""Share by which the mean rate differs from that of the median step before it is the one told."""
 MOST_REFERENCES = 12
 """Lines of the table: a tree of frames has a hundred."""
 HEAD = f"{'count':>9s}{'rate':>11s}{'gaps':>6s}{'longest':>12s}"
@@ -71,10 +73,16 @@ def rhythm(t: NDArray[np.int64]) -> dict[str, Any]:
     median = float(np.median(steps))
     return {
         "count": len(t),
-        "rate_hz": round(1e9 / median, 3),
+        "rate_hz": round(_rate(steps, median), 3),
         "gaps": int((steps > GAP * median).sum()),
         "longest_gap_s": round(float(steps.max()) * 1e-9, 6),
     }
+
+
+def _rate(steps: NDArray[np.int64], median: float) -> float:
+    """Return the rate of the median step, or the mean one without gaps where steps are uneven."""
+    usual, mean = 1e9 / median, 1e9 / float(steps[steps <= GAP * median].mean())
+    return mean if abs(mean / usual - 1.0) > UNEVEN else usual
 
 
 def text_of_info(info: Mapping[str, Any]) -> str:

@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 WIDTH, HEIGHT, DPI = 10.0, 2.0, 120
 """Of a panel, inches, and dots per inch."""
 MOST_PANELS = 20
+EARTH_RADIUS = 6_371_000.0
+"""m."""
 COLUMNS = 2_000
 """Of a panel: of more samples, the least and the greatest in each are drawn, so none is hidden."""
 
@@ -54,13 +56,23 @@ def plot(recording: Recording, path: Path) -> None:
 
 def _draw(axes: "Axes", name: str, signal: Signal, origin: int) -> None:
     t = seconds(signal.t, origin)
-    for axis, column in zip("xyz", signal.y.T, strict=False):
+    labels, y, unit = tuple("xyz"), signal.y, unit_of(name)
+    if name == "position":  # whose degrees and metres share no axis
+        labels, y, unit = ("north", "east", "up"), _moved(y), "m from the first"
+    for axis, column in zip(labels, y.T, strict=False):
         axes.plot(*_thinned(t, column), label=axis, linewidth=0.7)
-    unit = unit_of(name)
     axes.set_ylabel(f"{name} [{unit}]" if unit else name, parse_math=False)
     axes.grid(visible=True, alpha=0.3)
     axes.margins(x=0.0)
     axes.legend(loc="upper right", fontsize=7)
+
+
+def _moved(position: Array) -> Array:
+    """Return how far north, east and up of the first one positions are, m, shape (n, 3)."""
+    latitude, longitude = np.deg2rad(position[:, 0]), np.unwrap(np.deg2rad(position[:, 1]))
+    north = EARTH_RADIUS * (latitude - latitude[0])
+    east = EARTH_RADIUS * np.cos(latitude[0]) * (longitude - longitude[0])
+    return np.stack([north, east, position[:, 2] - position[0, 2]], axis=1)
 
 
 def _thinned(t: Array, x: Array) -> tuple[Array, Array]:

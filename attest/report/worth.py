@@ -32,7 +32,7 @@ def text_of_worth(info: Mapping[str, Any]) -> list[str]:
         return []
     signals = {name: s for name, s in info["signals"].items() if "min" in s}
     wide = width(signals, NAME)
-    head = f"  {'values':{wide}s}{'jitter':>9s}{'repeated':>10s}{'stuck':>9s}{'at limit':>10s}"
+    head = f"  {'values':{wide}s}{'jitter p90':>12s}{'repeated':>10s}{'stuck':>9s}{'at limit':>10s}"
     lines = ["", f"{head}{'step':>11s}  range of each axis"]
     lines += [f"  {fitted(name):{wide}s}{_values(signal)}" for name, signal in signals.items()]
     return [*lines, "", *(f"  {name:12s}{text}" for name, text in _physics(info))]
@@ -44,7 +44,7 @@ def _values(s: Mapping[str, Any]) -> str:
     step = "-" if s["step"] is None else f"{s['step']:.3g}"
     ranges = ", ".join(_range(low, high) for low, high in zip(s["min"], s["max"], strict=True))
     return (
-        f"{jitter:>9s}{s['repeated']:>10.1%}{stuck:>9s}{s['saturated'] or '-':>10}"
+        f"{jitter:>12s}{s['repeated']:>10.1%}{stuck:>9s}{s['saturated'] or '-':>10}"
         f"{step:>11s}  {ranges}"
     )
 
@@ -114,9 +114,14 @@ def _place(earth: Mapping[str, Any]) -> str:
 
 def _motion(motion: Mapping[str, Any]) -> str:
     edge = motion["edge_of_band"]
-    verdict = "fast enough" if motion["fast_enough"] else "TOO SLOW"
+    rate = motion["rate_hz"]
+    verdict = {
+        True: "the gyroscope is fast enough for it",
+        False: "the gyroscope is TOO SLOW for it",
+        None: f"at {rate:.2g} Hz the gyroscope cannot see motion faster than {0.5 * rate:.2g} Hz",
+    }[motion["fast_enough"]]
     text = (
-        f"the gyroscope is {verdict} for it: up to {motion['fastest_rad_s']:.2f} rad/s, "
+        f"{verdict}: up to {motion['fastest_rad_s']:.2f} rad/s, "
         f"{motion['large_steps']:.1%} of steps over 0.1 rad"
     )
     return text if edge is None else f"{text}, {edge:.1%} of power at the band's edge"

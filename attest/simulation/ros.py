@@ -17,7 +17,7 @@ import numpy as np
 from rosbags.typesys.store import Typestore
 
 from attest.errors import ConfigError
-from attest.geometry import quaternion
+from attest.geometry import frames
 from attest.recording import Signal
 from attest.simulation.flight import Array, Flight, Times
 
@@ -27,8 +27,6 @@ _START = 10**9  # ns, of simulated time
 _SECOND = 10**9
 _LATENCY = (1_000_000, 5_000_000)  # of the recorder, ns
 _DECIMALS = {"mag": 13}  # so far that another machine's last bit does not show
-_TURN_WORLD = np.array([0.0, np.sqrt(0.5), np.sqrt(0.5), 0.0])
-_TURN_BODY = np.array([0.0, 1.0, 0.0, 0.0])
 _CARRIED = ("gyro", "accel", "mag", "position", "velocity", "torque")
 _POINT = np.dtype([("x", "<f8"), ("y", "<f8"), ("z", "<f8"), ("id", "<u4")])
 _FIELDS = (("x", 0, 8), ("y", 8, 8), ("z", 16, 8), ("id", 24, 6))
@@ -188,7 +186,7 @@ def _pose(topic: str, flight: Flight, q: Array, types: Mapping[str, Any]) -> _To
     place, turned = flight.position, q
     if _turns(flight):
         place = _world(place)
-        turned = quaternion.multiply(quaternion.multiply(_TURN_WORLD, q), _TURN_BODY)
+        turned = frames.bring(q)
     point, pose = types["geometry_msgs/msg/Point"], types["geometry_msgs/msg/Pose"]
     fields = [
         {"pose": pose(position=_vector(types, at, point), orientation=_quaternion(types, one))}

@@ -109,7 +109,8 @@ def _scored(path: Path, samples: Samples, q_ref: Array, skip_s: float) -> NDArra
     told = np.isfinite(q_ref).all(axis=1)
     if not told.any():
         raise ReadError(
-            f"{path}: its reference shares no time with the gyroscope. Name one with --reference."
+            f"{path}: its reference shares no time with the gyroscope. Name one with --reference, "
+            "or set evaluation.reference_shift_s to auto or to seconds."
         )
     scored: NDArray[np.bool_] = told & (samples.t - samples.t[0] >= skip_s * 1e9)
     if not scored.any():

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from attest.estimates import Estimates
 from attest.geometry import quaternion
+from attest.geometry.frames import WORLD
 from attest.metrics import Metrics
 from attest.recording import Recording, World
 from attest.result import Result
@@ -22,7 +23,7 @@ Array = NDArray[np.float64]
 
 WORLD_IN_MAP: Mapping[World, tuple[float, float, float, float]] = {
     "enu": (1.0, 0.0, 0.0, 0.0),
-    "ned": (0.0, np.sqrt(0.5), np.sqrt(0.5), 0.0),
+    "ned": (*WORLD.tolist(),),
 }
 """The world axes as a quaternion (w, x, y, z) in ``map``."""
 

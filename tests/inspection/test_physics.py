@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import advised
 import numpy as np
 import pytest
 from flights import FIELD, flight, gyro, recording, resting, seen, stamps, tumbling
@@ -9,6 +10,8 @@ from flights import FIELD, flight, gyro, recording, resting, seen, stamps, tumbl
 from attest import inspection
 from attest.geometry import quaternion
 from attest.inspection import axes
+from attest.readers import sensors
+from attest.readers.options import ReadOptions
 from attest.recording import Note, Reference, Signal
 
 DEGREES = 180.0 / np.pi
@@ -107,8 +110,22 @@ def test_a_wrong_unit_is_told_by_the_one_that_it_was_taken_in(log, name, taken, 
 
 
 def test_no_setting_is_named_where_there_is_none(log):
-    (text,) = told(replace(turned(log, "accel", 1.0 / G), format="tlog"))
-    assert text.endswith("its unit seems to be g")
+    (text,) = told(replace(turned(log, "accel", 1e3), format="tlog"))
+    assert text.endswith("its unit seems to be mm/s²")
+
+
+@pytest.mark.parametrize(
+    ("name", "factor", "unit"), [("gyro", DEGREES, "deg/s"), ("accel", 1.0 / G, "g")]
+)
+def test_a_wrong_unit_of_other_formats_is_named_with_their_option(log, name, factor, unit):
+    wrong = replace(turned(log, name, factor), format="mcap", details={})
+    (text,) = told(wrong)
+    assert text.endswith(f": its unit seems to be {unit}: --set input.unit.{name}={unit}")
+    mended = sensors.as_told(wrong, ReadOptions(units={name: unit}))
+    assert told(mended) == []
+    right = replace(log, format="mcap", details={})
+    (text,) = told(sensors.as_told(right, ReadOptions(units={name: unit})))
+    assert text.endswith(f": --set input.unit.{name}={'rad/s' if name == 'gyro' else 'm/s2'}")
 
 
 def test_degrees_are_told_without_any_vector_by_what_no_vehicle_survives(log):
@@ -132,8 +149,10 @@ def test_degrees_are_told_without_any_vector_by_what_no_vehicle_survives(log):
     ],
 )
 def test_wrong_axes_of_the_gyroscope_are_named(log, matrix, what):
-    (text,) = told(turned(log, "gyro", matrix))
+    wrong = turned(log, "gyro", matrix)
+    (text,) = told(wrong)
     assert text.startswith(what)
+    assert told(advised.mended(wrong, text)) == []
 
 
 @pytest.mark.parametrize(
@@ -149,6 +168,7 @@ def test_wrong_axes_of_the_magnetometer_are_named(log, matrix, fit):
     (text,) = told(turned(log, "mag", matrix))
     assert text.startswith("the magnetometer's axes are not those of gyroscope and reference")
     assert f"would fit as {fit}, or the opposite" in text
+    assert told(advised.mended(turned(log, "mag", matrix), text)) == []
     # without a third that tells who is right, neither is blamed
     (text,) = told(turned(without(log, "accel"), "mag", matrix))
     assert text.startswith("the gyroscope's and the magnetometer's axes are not the same")
@@ -170,7 +190,8 @@ def test_wrong_axes_of_an_accelerometer_that_is_moved_about_are_told(log, matrix
         assert fit in text or "fixed-wing" in str(log.path)
         assert not any("axes are" in text for text in told(turned(without(log), "accel", matrix)))
         return
-    assert text.endswith(f": the accelerometer's would fit as {fit}, or the opposite")
+    assert f": the accelerometer's would fit as {fit}, or the opposite: --set '" in text
+    assert told(advised.mended(turned(log, "accel", matrix), text)) == []
     # a hand's accelerations average out, so that the gyroscope alone tells
     (text,) = told(turned(without(log, "mag"), "accel", matrix))
     assert text.startswith("the gyroscope's and the accelerometer's axes are not the same")
@@ -183,7 +204,9 @@ def test_an_inverted_magnetometer_is_told_by_its_dip(log):
     texts = told(turned(log, "mag", -1.0))
     if "position" in log.signals:  # or nothing tells
         (text,) = texts
-        assert "the magnetometer or the accelerometer is inverted" in text
+        assert text.endswith(
+            "the magnetometer or the accelerometer is inverted: --set 'input.axes.mag=[-x,-y,-z]'"
+        )
 
 
 @pytest.mark.parametrize("matrix", [-1.0, FLU])
@@ -191,11 +214,37 @@ def test_up_that_is_down_is_told(log, matrix):
     (text, *_) = told(turned(log, "accel", matrix))
     axes = "axes are not those of gyroscope and magnetometer"
     assert text.startswith(f"the accelerometer's {'up is 1' if np.isscalar(matrix) else axes}")
+    if np.isscalar(matrix):
+        assert told(advised.mended(turned(log, "accel", matrix), text)) == []
     texts = told(replace(turned(without(log, "mag"), "accel", matrix), format="tlog"))
     if "velocity" not in log.signals:  # a hand turns all ways: its turns tell, or nothing does
         assert all("axes are not the same" in text for text in texts)
     else:
-        assert texts == ["accel_z is up: the sensor is upside down, inverted, or of other axes"]
+        assert texts == [
+            "accel_z is up: the sensor is upside down, inverted, or of other axes: "
+            "--set 'input.axes.accel=[-x,-y,-z]' if it alone is inverted"
+        ]
+
+
+def test_an_inverted_accelerometer_is_told_from_another_world_by_where_the_field_points(log):
+    wrong = without(log, "position")
+    wrong = turned(replace(wrong, references=log.references), "accel", -1.0)
+    (text,) = told(wrong)
+    assert text.endswith(
+        "one is inverted (the accelerometer: --set 'input.axes.accel=[-x,-y,-z]'), or of another "
+        "world, as north-west-up"
+    )
+    assert told(advised.mended(wrong, text)) == []
+    declared = replace(in_enu(wrong), world="enu", body="flu")
+    (text,) = told(declared)
+    assert text.endswith("or of another world, as west-north-down")
+    assert told(advised.mended(declared, text)) == []
+
+
+def test_axes_are_told_beyond_those_that_are_told_already(log):
+    wrong = advised.mended(turned(log, "gyro", SWAPPED), "--set 'input.axes.gyro=[z,x,y]'")
+    (text,) = told(wrong)
+    assert text.endswith(": --set 'input.axes.gyro=[y,x,z]'")
 
 
 def test_a_log_of_another_world_is_told_with_the_option_that_mends_it(log):

@@ -63,6 +63,7 @@ def test_euroc_with_the_truth_beside_it(euroc):
     assert (truth.kind, truth.t.tolist()) == ("truth", [1403636579758555392])
     assert_allclose(truth.q, [[0.6, 0.8, 0, 0]])
     assert (recording.world, recording.body, recording.clock.utc_offset) == ("enu", "flu", 0)
+    assert recording.clock.name == "CSV timestamp [ns]"
     assert recording.details["layout"] == "EuRoC"
     assert "ground truth of state_groundtruth_estimate0/data.csv beside the log" in notes(recording)
 
@@ -190,6 +191,17 @@ def test_a_broken_file_of_the_folder_is_left_out(tmp_path):
 def test_no_gyroscope_row_is_one_line(tmp_path):
     with pytest.raises(ReadError, match=r"Gyroscope\.csv: no row that can be used"):
         readers.read(phone(tmp_path, Gyroscope=f"{HEAD}x,x,x,x,x\n"))
+
+
+def test_one_file_of_a_phone_names_its_folder(tmp_path):
+    folder = phone(tmp_path)
+    with pytest.raises(ReadError) as caught:
+        readers.read(folder / "Gyroscope.csv")
+    assert str(caught.value) == (
+        f"{folder / 'Gyroscope.csv'}: one file of a recording of Sensor Logger, whose folder is "
+        f"one log. Name the folder: {folder}"
+    )
+    assert "gyro" in readers.read(folder).signals
 
 
 def test_units_alone_are_laid_over_those_of_a_phone(tmp_path):

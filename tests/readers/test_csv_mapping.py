@@ -98,6 +98,7 @@ def test_every_signal_can_be_mapped(load):
         ("  t  gx gy   gz\n 0 1  2 3\n1  4 5 6 \n", {}),
         ("0 1 2 3\n1\t4  5 6\n", {"header": False, "separator": " "}),
         ("0,1,2,3\n1,4,5,6", {"header": False}),
+        ("by A\n0,1,2,3\n1,4,5,6\n", {"header": False, "skip": 1}),
         ("made by\n\nt,gx\nt,gx,gy,gz\n0,1,2,3\n1,4,5,6\n", {"skip": 3}),
         ("# t,gx,gy,gz\n0,1,2,3\n1,4,5,6\n", {}),
         ("% by hand\nt,gx,gy,gz\n% one\n0,1,2,3\n1,4,5,6\n", {"comment": "%"}),
@@ -139,6 +140,12 @@ def test_junk_is_counted_and_cells_may_be_empty(load):
          "no column 5 for input.csv.accel. The file has 4."),
         ("t,gx,gx,gy,gz\n0,1,2,3,4\n", {}, ConfigError,
          "two columns are named 'gx'. Give input.csv.gyro its number."),
+        ("by A\n\nt,gx,gy,gz\n0,1,2,3\n", {}, ConfigError,
+         "no column 't' for input.csv.time. The file has: by, A. "
+         "The columns begin behind other lines: --set input.csv.skip=2"),
+        ("by A\n0,1,2,3\n1,1,2,3\n", BY_NUMBER, ConfigError,
+         "no column 3 for input.csv.gyro. The file has 2. "
+         "The columns begin behind other lines: --set input.csv.skip=1"),
         ("t,gx,gy,gz\n", {}, ReadError, "no rows. Check the file, and input.csv.skip."),
         ("t,gx,gy,gz\n0,1,2,3\n", {"skip": 9}, ReadError,
          "no rows. Check the file, and input.csv.skip."),
@@ -292,3 +299,16 @@ def test_any_bytes_give_a_recording_or_one_line(tmp_path_factory, junk, separato
             assert "\n" not in str(error)  # noqa: PT017
         else:
             assert np.isfinite(recording.signals["gyro"].y).all()
+
+
+def test_columns_of_the_reference_may_be_told_alone(tmp_path):
+    log = tmp_path / "log.csv"
+    log.write_text("time_s,gyro_x,gyro_y,gyro_z,ref_qw,ref_qx,ref_qy,ref_qz\n0,1,2,3,0,0,0.6,0.8\n")
+    assert pipeline.read(log, pipeline.configure("fts")).references["ref"].q.tolist() == [
+        [0, 0, 0.6, 0.8]
+    ]
+    told = pipeline.configure("fts", ["input.csv.reference.columns=[ref_qz,ref_qw,ref_qx,ref_qy]"])
+    recording = pipeline.read(log, told)
+    assert recording.references["ref"].q.tolist() == [[0.8, 0, 0, 0.6]]
+    assert "reference taken as truth, as input.csv says" in notes(recording)
+    assert config.validate(fts.Config, config.effective(told), "again") == told

@@ -111,6 +111,14 @@ def test_velocity_is_taken_while_the_receiver_has_a_good_fix(tmp_path, filtered)
     assert notes(recording)[f"{source} velocity no better than 2 m/s dropped"] == 50
 
 
+@pytest.mark.parametrize("value", [np.nan, 1e6])
+def test_velocity_is_the_receivers_where_the_filters_cannot_be_used(tmp_path, value):
+    fix = (0, 3, 1000, 2200, 47.4, 8.55, 500.0, 5.0, 90.0, -1.0)
+    wild = (0, 10.0, -20.0, 30.0, value, value, value)
+    recording = read(tmp_path, flight(TIMES, GPS=fix, XKF1=wild))
+    assert recording.signals["velocity"].source == "GPS[0]"
+
+
 def test_velocity_and_references_of_the_filter(tmp_path):
     q = quaternion.from_euler(*np.radians([10.0, -20.0, 30.0]))
     more = {"XKF1": (0, 10.0, -20.0, 30.0, 1.0, 2.0, 3.0), "XKQ": (0, *q), "AHR2": (1.0, 2.0, 3.0),

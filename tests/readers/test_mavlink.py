@@ -13,7 +13,7 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega
 from pymavlink.mavutil import x25crc
 
-from attest.readers import mavlink, mavlink_scan, tlog
+from attest.readers import mavlink, mavlink_frames, mavlink_scan, tlog
 
 os.environ["MAVLINK20"] = "1"
 mavutil.set_dialect("ardupilotmega")  # another test may have imported it as of MAVLink 1
@@ -256,11 +256,11 @@ def test_every_dtype_has_the_size_of_the_message():
 def test_checksum_is_that_of_pymavlink(payload):
     frame = unknown_frame(payload[:255], number=ATTITUDE.id)
     crc = struct.pack("<H", x25crc(frame[1:-2] + bytes([ATTITUDE.crc_extra])).crc)
-    found = mavlink_scan.checked_frames(np.frombuffer(frame[:-2] + crc, np.uint8))
+    found = mavlink_frames.checked_frames(np.frombuffer(frame[:-2] + crc, np.uint8))
     assert 0 in found.at.tolist()
 
 
 def test_dense_marks_are_looked_at_in_parts(tmp_path, monkeypatch):
-    monkeypatch.setattr(mavlink_scan, "MARKS", 1000)
+    monkeypatch.setattr(mavlink_frames, "MARKS", 1000)
     data = b"\xfe" * 20_000 + stamped(*[packed(RAW)] * 3) + b"\xfd" * 20_000
     assert len(scanned(tmp_path, data).tables["RAW_IMU"]) == 3

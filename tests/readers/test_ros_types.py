@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from ros_logs import IMU, KINDS, START, Log, compass, flight, header, times, xyz, xyzw
 
-from attest import readers
+from attest import inspection, readers
 from attest.geometry import quaternion
 
 TURN = np.array([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])
@@ -153,8 +153,12 @@ def test_an_imu_upside_down_is_doubted_unless_the_static_transforms_say_so(
     still = {"header": header(0, "base"), "child_frame_id": "imu",
              "transform": {"rotation": xyzw(mount)}}  # fmt: skip
     log.add("/tf_static", "tf2_msgs/msg/TFMessage", 0, transforms=[still])
-    told = [text for text in doubts(read(log, tmp_path)) if "upside down" in text]
+    recording = read(log, tmp_path)
+    told = [note.text for note in inspection.doubts(recording) if "upside down" in note.text]
     assert bool(told) is doubted
+    so = "accel_z is down: the sensor is upside down, as the log's static transforms say"
+    assert (so in notes(recording)) is not doubted
+    assert so not in doubts(recording)
 
 
 def test_px4_in_its_own_axes_and_clock(tmp_path):

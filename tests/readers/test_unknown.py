@@ -46,6 +46,21 @@ def test_a_csv_of_other_names_is_told_with_them_and_the_cure(tmp_path, text, nam
     )
 
 
+def test_lines_before_the_columns_are_counted_for_the_mapping(tmp_path):
+    text = "Logger v3\nSerial,12\n\nt,gx,gy,gz\ns,dps,dps,dps\n0,1,2,3\n"
+    assert refusal(tmp_path / "a.csv", text.encode()) == (
+        f"a CSV whose columns attest does not know: t, gx, gy, gz. Tell them {MAP}, with skip: 3."
+    )
+    text = "Logger v3\r\nSerial 12\r\n\r\n0\t1\t2\t3\r\n1\t1\t2\t3\r\n"
+    assert refusal(tmp_path / "a.csv", text.encode()) == (
+        f"a CSV without names of its columns. Tell their numbers {MAP}, "
+        "with header: false and skip: 3."
+    )
+    assert refusal(tmp_path / "a.csv", b"sep=;\nt;gx;gy;gz\n0;1;2;3\n") == (
+        f"a CSV whose columns attest does not know: t, gx, gy, gz. Tell them {MAP}."
+    )
+
+
 def test_a_csv_without_names_is_told_so(tmp_path):
     assert refusal(tmp_path / "a.csv", b"0,1,2,3\n1,1,2,3\n") == (
         f"a CSV without names of its columns. Tell their numbers {MAP}, with header: false."
