@@ -44,7 +44,8 @@ FIGURES = (
     *VECTORS["gyro_scale"],
 )
 STAGES = ("reading_s", "smoothing_s", "conditioning_s", "observing_s", "evaluating_s")
-TIMING = (*STAGES, "writing_s", "total_s")
+DURATIONS = (*STAGES, "writing_s", "total_s")
+TIMING = ("ran_utc", *DURATIONS)
 """What differs between equal runs."""
 
 COLUMNS: Mapping[str, str] = {
@@ -63,7 +64,9 @@ COLUMNS: Mapping[str, str] = {
     "folder": "text",
     "outputs": "text",
     "version": "text",
-    **dict.fromkeys(TIMING, "float"),
+    "digest": "text",
+    "ran_utc": "text",
+    **dict.fromkeys(DURATIONS, "float"),
 }
 """The columns of the summary, and what is in them."""
 
@@ -80,7 +83,7 @@ def finished(
         "outputs": list(outputs),
         **_log(summary),
         **_figures(summary),
-        **{key: timing.get(key) for key in TIMING},
+        **{key: timing.get(key) for key in DURATIONS},
     }
 
 
@@ -101,6 +104,7 @@ def _stub(task: "Task", label: str) -> Row:
         "digest": task.digests[label],
         "version": attest.__version__,
         "kinds": list(task.kinds),
+        "ran_utc": datetime.now(UTC).isoformat(timespec="milliseconds"),
     }
 
 

@@ -100,6 +100,42 @@ def test_log_and_observer_count_once_and_the_newest_version_wins(tmp_path):
     assert (rmse["flights"], rmse["median"]) == (4, 1.0)
 
 
+def test_what_ran_last_wins_whatever_its_path_and_version(tmp_path):
+    early, late = "2026-02-01T10:00:00.000+00:00", "2026-02-01T10:00:00.500+00:00"
+    old = [
+        row | {"ran_utc": early, "total_rmse_deg": 9.0, "path": f"/z{row['path']}"}
+        for row in summaries.steady(4, version="1.10.0")
+    ]
+    new = [
+        row | {"ran_utc": late, "total_rmse_deg": 1.0} for row in summaries.steady(4, version="1.9")
+    ]
+    unknown = [row | {"total_rmse_deg": 5.0} for row in summaries.steady(4, version="2.0")]
+    document = fleet.fleet([summaries.write(tmp_path, new + old + unknown)], Choice())
+    (rmse,) = [one for one in document["series"] if one["figure"] == "total RMSE"]
+    assert (rmse["flights"], rmse["median"]) == (4, 1.0)
+
+
+def test_errors_by_different_configurations_do_not_compare(told):
+    rows = changed(summaries.steady(30), 15, hard_iron_x_ut=9.0, total_rmse_deg=9.0)
+    rows = [row | {"digest": f"{'ab'[i >= 15]}{'0' * 63}"} for i, row in enumerate(rows)]
+    document, flagged = told(rows)
+    assert set(flagged) == {"hard iron x"}
+    assert flagged["hard iron x"]["changes"][0]["configuration_changed"]
+    assert document["configurations"] == {"fts": 2}
+    found = {one["configuration"]: one["flights"] for one in document["series"]}
+    assert found == {None: 30, "a0000000": 15, "b0000000": 15}
+    text = fleet.text_of_fleet(document, [])
+    assert "fts in 2 ways: errors are followed in each by itself" in text
+    assert "as the configuration changed" in text
+
+
+def test_change_of_the_vehicle_is_none_of_the_configuration(told):
+    rows = changed(summaries.steady(30), 15, hard_iron_x_ut=9.0)
+    rows = [row | {"digest": "ab"[i >= 20]} for i, row in enumerate(rows)]
+    _, flagged = told(rows)
+    assert not flagged["hard iron x"]["changes"][0]["configuration_changed"]
+
+
 def test_what_observers_tell_alike_is_one_series(told):
     rows = summaries.steady(4)
     other = [row | {"observer": "mekf", "total_rmse_deg": 7.0} for row in rows]
