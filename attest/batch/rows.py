@@ -16,7 +16,17 @@ ERRORS = tuple(
     for error in ("total", "heading", "inclination")
     for figure in ("rmse", "mean", "median", "p95", "max")
 )
-TEXTS = ("path", "observer", "sha256", "status", "error", "format", "vehicle", "began_utc")
+TEXTS = (
+    "path",
+    "observer",
+    "sha256",
+    "status",
+    "error",
+    "format",
+    "vehicle",
+    "vehicle_id",
+    "began_utc",
+)
 VECTORS: Mapping[str, tuple[str, ...]] = {
     "gyro_bias": ("gyro_bias_x", "gyro_bias_y", "gyro_bias_z"),
     "hard_iron_ut": ("hard_iron_x_ut", "hard_iron_y_ut", "hard_iron_z_ut"),
@@ -115,6 +125,7 @@ def _log(summary: Mapping[str, Any]) -> Row:
     return {
         "format": log["format"],
         "vehicle": log["vehicle"],
+        "vehicle_id": log["vehicle_id"],
         "began_utc": _utc(summary["estimates"]["first_ns"], log["clock"]["utc_offset_ns"]),
         "duration_s": round(log["duration_s"], 6),
         **{key: signals.get(key.removesuffix("_hz"), {}).get("rate_hz") for key in RATES},

@@ -21,6 +21,8 @@ EARLIEST = datetime(1990, 1, 1, tzinfo=UTC).timestamp()
 LATEST = datetime(2200, 1, 1, tzinfo=UTC).timestamp()
 """What is earlier or later is a clock that was never set, or not well."""
 DAY = 86400.0
+SYSTEM = "system "
+"""What begins an id that several vehicles may have."""
 LARGEST = 1e100
 LONGEST = 9
 """Digits of a part of a version; what has more is a word."""
@@ -87,10 +89,19 @@ def flights(table: "pyarrow.Table", choice: Choice) -> tuple[Flights, dict[str, 
     left_out["of other days"] = len(t) - int(within.sum())
     found = _flights(table.filter(pyarrow.array(within)), t[within], choice.by)
     left_out["undated"] = int(np.isnan(found.t).sum())
-    left_out["without vehicle"] = 0
-    if choice.by == "vehicle":
-        left_out["without vehicle"] = table["vehicle"].filter(pyarrow.array(within)).null_count
-    return found, left_out
+    return found, left_out | _unsure(table.filter(pyarrow.array(within)), choice.by)
+
+
+def _unsure(table: "pyarrow.Table", by: str) -> dict[str, int]:
+    """Return how many rows have no vehicle, or a name that several vehicles may have."""
+    import pyarrow.compute as pc
+
+    if by != "vehicle":
+        return {"without vehicle": 0, "without own id": 0}
+    weak = pc.fill_null(pc.starts_with(table["vehicle_id"], SYSTEM), True)
+    unnamed = pc.and_(pc.is_null(table["vehicle_id"]), pc.is_null(table["vehicle"]))
+    nameless, unsure = (int(pc.sum(each).as_py() or 0) for each in (unnamed, weak))
+    return {"without vehicle": nameless, "without own id": unsure - nameless}
 
 
 def _newest(table: "pyarrow.Table") -> Whole:
@@ -187,11 +198,7 @@ def _day(day: date) -> float:
 def _flights(table: "pyarrow.Table", t: Array, by: str) -> Flights:
     import pyarrow.compute as pc
 
-    named = pc.replace_substring_regex(table["path"], r"[/\\][^/\\]*$", "")
-    if by == "vehicle":
-        named = pc.replace_substring_regex(named, "^", "folder ", max_replacements=1)
-        named = pc.coalesce(table["vehicle"], named)
-    vehicle, vehicles = _in_order(named)
+    vehicle, vehicles = _vehicles(table, t, by)
     observer, observers = _in_order(table["observer"])
     reference, references = _in_order(table["reference"])
     configuration, configurations = _in_order(table["digest"])
@@ -217,6 +224,27 @@ def _flights(table: "pyarrow.Table", t: Array, by: str) -> Flights:
         configurations=configurations,
         several=_several(observer, configuration, observers),
     )
+
+
+def _vehicles(table: "pyarrow.Table", t: Array, by: str) -> tuple[Whole, list[str]]:
+    """Return each row's vehicle as a number of a list of names: the latest words, and its id."""
+    import pyarrow
+    import pyarrow.compute as pc
+
+    folder = pc.replace_substring_regex(table["path"], r"[/\\][^/\\]*$", "")
+    if by != "vehicle":
+        return _in_order(folder)
+    known, words = table["vehicle_id"], pc.fill_null(table["vehicle"], "")
+    kind = pc.replace_substring_regex(words, r"\s+\S*[0-9].*$", "")  # without a version
+    weak = pc.binary_join_element_wise(kind, known, pyarrow.scalar(", ", known.type))
+    own = pc.if_else(pc.starts_with(known, SYSTEM), weak, known)
+    folder = pc.replace_substring_regex(folder, "^", "folder ", max_replacements=1)
+    vehicle, names = _in_order(pc.coalesce(own, table["vehicle"], folder))
+    by_time = np.lexsort((_in_order(words)[0], np.nan_to_num(t, nan=-np.inf)))
+    last = np.zeros(len(names), np.int64)
+    last[vehicle[by_time]] = by_time
+    told = zip(names, words.take(last).to_pylist(), known.take(last).to_pylist(), strict=True)
+    return vehicle, [f"{word}, {own}" if word and own else name for name, word, own in told]
 
 
 def _sane(x: Array) -> Array:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 NEEDED = ("path", "observer", "status")
 TEXTS = (
-    *(*NEEDED, "sha256", "vehicle", "began_utc", "reference", "version", "iron"),
+    *(*NEEDED, "sha256", "vehicle", "vehicle_id", "began_utc", "reference", "version", "iron"),
     *("digest", "ran_utc"),
 )
 NAMES = ("summary.parquet", "summary.csv")

@@ -66,6 +66,10 @@ def of_rows(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     if rows["without vehicle"]:
         count = rows["without vehicle"]
         yield "unnamed", f"{count:,} rows without a vehicle: by the folder of the log"
+    if rows["without own id"]:
+        count = rows["without own id"]
+        text = f"{count:,} rows by firmware, board or system id, which several vehicles may share"
+        yield "unsure", f"{text} (--by folder keeps folders apart)"
     for observer, count in document["configurations"].items():
         text = f"{observer} in {count:,} ways: errors are followed in each by itself"
         yield "configured", f"{text}, other figures through all"

@@ -178,6 +178,34 @@ def test_vehicle_that_is_not_named_is_the_folder(told):
     assert document["vehicles"][0]["vehicle"] == "folder /flights/one"
 
 
+def test_vehicles_of_one_firmware_are_apart_by_their_ids_and_one_of_two_firmwares_is_one(told):
+    rows = summaries.steady(24)
+    for i, row in enumerate(rows):
+        number, version = 1 + (i >= 12), "V4.6" if i % 12 < 6 else "V4.7"
+        row |= {"vehicle": f"ArduCopter {version}.0 (ab)", "vehicle_id": f"serial {number}"}
+    document, flagged = told(changed(rows, 12, hard_iron_x_ut=20.0))
+    assert not flagged
+    assert document["rows"]["without own id"] == 0
+    assert {one["vehicle"]: one["flights"] for one in document["vehicles"]} == {
+        "ArduCopter V4.7.0 (ab), serial 1": 12,
+        "ArduCopter V4.7.0 (ab), serial 2": 12,
+    }
+
+
+def test_system_id_tells_vehicles_of_one_kind_apart_and_may_be_shared(told):
+    names = ("ArduCopter V4.6.0", "ArduCopter V4.7.0", "ArduPlane V4.6.0")
+    rows = [
+        row | {"vehicle": name, "vehicle_id": "system 1"}
+        for name, row in zip(names, summaries.steady(3), strict=True)
+    ]
+    document, _ = told(rows)
+    assert document["rows"]["without own id"] == 3
+    assert {one["vehicle"]: one["flights"] for one in document["vehicles"]} == {
+        "ArduCopter V4.7.0, system 1": 2,
+        "ArduPlane V4.6.0, system 1": 1,
+    }
+
+
 def test_by_folder_logs_of_one_name_are_apart(told):
     rows = summaries.steady(3) + [row | {"vehicle": "one"} for row in summaries.steady(2, "two")]
     document, _ = told(rows, Choice(by="folder"))
