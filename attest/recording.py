@@ -103,6 +103,8 @@ class Recording:
     clock: Clock
     vehicle: str = ""
     """Who sent it, in words."""
+    vehicle_id: str | None = None
+    """What tells it from others: ``uid 3a…``, ``serial 7``, or ``system 1``, as many are called."""
     world: World = "ned"
     body: Literal["frd", "flu"] = "frd"
     declination: float | None = None

@@ -16,7 +16,17 @@ ERRORS = tuple(
     for error in ("total", "heading", "inclination")
     for figure in ("rmse", "mean", "median", "p95", "max")
 )
-TEXTS = ("path", "observer", "sha256", "status", "error", "format", "vehicle", "began_utc")
+TEXTS = (
+    "path",
+    "observer",
+    "sha256",
+    "status",
+    "error",
+    "format",
+    "vehicle",
+    "vehicle_id",
+    "began_utc",
+)
 VECTORS: Mapping[str, tuple[str, ...]] = {
     "gyro_bias": ("gyro_bias_x", "gyro_bias_y", "gyro_bias_z"),
     "hard_iron_ut": ("hard_iron_x_ut", "hard_iron_y_ut", "hard_iron_z_ut"),
@@ -44,7 +54,8 @@ FIGURES = (
     *VECTORS["gyro_scale"],
 )
 STAGES = ("reading_s", "smoothing_s", "conditioning_s", "observing_s", "evaluating_s")
-TIMING = (*STAGES, "writing_s", "total_s")
+DURATIONS = (*STAGES, "writing_s", "total_s")
+TIMING = ("ran_utc", *DURATIONS)
 """What differs between equal runs."""
 
 COLUMNS: Mapping[str, str] = {
@@ -63,7 +74,9 @@ COLUMNS: Mapping[str, str] = {
     "folder": "text",
     "outputs": "text",
     "version": "text",
-    **dict.fromkeys(TIMING, "float"),
+    "digest": "text",
+    "ran_utc": "text",
+    **dict.fromkeys(DURATIONS, "float"),
 }
 """The columns of the summary, and what is in them."""
 
@@ -80,7 +93,7 @@ def finished(
         "outputs": list(outputs),
         **_log(summary),
         **_figures(summary),
-        **{key: timing.get(key) for key in TIMING},
+        **{key: timing.get(key) for key in DURATIONS},
     }
 
 
@@ -101,6 +114,7 @@ def _stub(task: "Task", label: str) -> Row:
         "digest": task.digests[label],
         "version": attest.__version__,
         "kinds": list(task.kinds),
+        "ran_utc": datetime.now(UTC).isoformat(timespec="milliseconds"),
     }
 
 
@@ -111,6 +125,7 @@ def _log(summary: Mapping[str, Any]) -> Row:
     return {
         "format": log["format"],
         "vehicle": log["vehicle"],
+        "vehicle_id": log["vehicle_id"],
         "began_utc": _utc(summary["estimates"]["first_ns"], log["clock"]["utc_offset_ns"]),
         "duration_s": round(log["duration_s"], 6),
         **{key: signals.get(key.removesuffix("_hz"), {}).get("rate_hz") for key in RATES},

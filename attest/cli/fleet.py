@@ -30,7 +30,7 @@ Examples:
     "--by",
     type=click.Choice(["vehicle", "folder"]),
     default="vehicle",
-    help="What is one vehicle: its name in the log, or the folder of the log.",
+    help="What is one vehicle: its number or name in the log, or the folder of the log.",
 )
 @click.option("--observer", "-o", "observers", multiple=True, metavar="NAME", help="These only.")
 @click.option("--since", type=DAY, metavar="DAY", help="Flights of this day, UTC, and later.")

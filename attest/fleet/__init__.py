@@ -11,9 +11,10 @@ from typing import Any
 
 from attest.errors import ReadError
 from attest.fleet import reading
+from attest.fleet.choice import Choice, flights
 from attest.fleet.document import describe
 from attest.fleet.page import write_page
-from attest.fleet.series import Choice, flights, series
+from attest.fleet.series import series
 from attest.fleet.table import text_of_fleet
 from attest.fleet.trend import trends
 from attest.fleet.written import write_table

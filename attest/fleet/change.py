@@ -10,16 +10,22 @@
 [Besag91]    J. Besag, P. Clifford, "Sequential Monte Carlo p-values", Biometrika 78(2), 1991.
 [BH95]       Y. Benjamini, Y. Hochberg, "Controlling the false discovery rate", Journal of the Royal
              Statistical Society B 57(1), 1995.
+[Serfling74] R. J. Serfling, "Probability inequalities for the sum in sampling without
+             replacement", Annals of Statistics 2(1), 1974.
 
 The chance of a steady series to look so changed is that of its own values in another order: it
 holds for any distribution, heavy tails and equal values too, if the flights are independent of each
-other. It is not below 1 / (MOST + 1), however clear the change.
+other. It is not below 1 / (MOST_ORDERS + 1), however clear the change.
+
+Ranks tell that there is a change, but not well where: they forget how far apart two levels are.
+Where it is, is told by the least absolute deviations from the medians before and after it.
 
 Symbols: r ranks less their mean; n of them; S sums of the n_1 before and the n_2 after a split.
 """
 
 from collections.abc import Sequence
-from math import erfc, sqrt
+from heapq import heappop, heappush, heappushpop
+from math import erfc, exp, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,22 +69,41 @@ def split(x: Array) -> tuple[int, float]:
     square = float(r @ r)
     if n < 2 * SIDE or square == 0.0:
         return SIDE, 0.0
-    k, peak = peak_of(r, SIDE)
-    return int(k), sqrt(peak * (n - 1) / square)
+    first, last, peak = peak_of(r, SIDE)
+    return int(first) + placed(x[first:last]), sqrt(peak * (n - 1) / square)
+
+
+def placed(x: Array) -> int:
+    """Return how many values are before the one change of a stretch.
+
+    There the absolute deviations from the medians of both sides are least.
+    """
+    cost = deviations(x)[:-1] + deviations(x[::-1])[-2::-1]
+    return SIDE + int(np.argmin(cost[SIDE - 1 : len(x) - SIDE]))
 
 
 def chance(x: Array, orders: int) -> float:
     """Return the chance of a steady series to look as changed, as far as so many orders tell."""
-    _, clear = split(x)
-    if clear == 0.0:
-        return 1.0
-    least = 1.0 / (orders + 1)
-    if (
-        5 * len(x) * erfc(clear / sqrt(2.0)) < least
-    ):  # ranks have shorter tails than the normal ones
-        return least
     r = ranks(x)
-    return float(chance_of(r, SIDE, peak_of(r, SIDE)[1] * (1.0 - 1e-9), SEEN, orders))
+    square = float(r @ r)
+    if len(x) < 2 * SIDE or square == 0.0:
+        return 1.0
+    peak, least = float(peak_of(r, SIDE)[2]), 1.0 / (orders + 1)
+    if _bound(r, peak, square) < least:
+        return least
+    return float(chance_of(r, SIDE, peak * (1.0 - 1e-9), SEEN, orders))
+
+
+def _bound(r: Array, peak: float, square: float) -> float:
+    """Return what the chance is below, from all splits together.
+
+    Ranks that are all different have shorter tails than normal values. Equal ones may have longer
+    tails: for them Serfling's inequality [Serfling74] holds, with the larger side of 3 or more.
+    """
+    n, splits = len(r), 5 * len(r)
+    if len(np.unique(r)) == n:
+        return splits * erfc(sqrt(0.5 * peak * (n - 1) / square))
+    return splits * 2.0 * exp(-1.5 * peak / float(np.ptp(r)) ** 2)
 
 
 def orders_for(series: int) -> int:
@@ -94,13 +119,16 @@ def threshold(chances: Sequence[float]) -> float:
 
 
 @kernel
-def peak_of(r: Array, side: int) -> tuple[int, float]:
-    """Return where (S_1 n_2 - S_2 n_1)² / (n_1 n_2 (n_1 + n_2)) is largest, and that."""
+def peak_of(r: Array, side: int) -> tuple[int, int, float]:
+    """Return where (S_1 n_2 - S_2 n_1)² / (n_1 n_2 (n_1 + n_2)) is largest, and that.
+
+    Of a split, it returns where its stretch begins and ends.
+    """
     n = len(r)
     total = np.zeros(n + 1)
     for i in range(n):
         total[i + 1] = total[i] + r[i]
-    at, peak = side, -1.0
+    begins, ends, peak = 0, n, -1.0
     for layer in range(LAYERS):
         parts = 2**layer
         for begin in range(2 * parts - 1):
@@ -112,8 +140,27 @@ def peak_of(r: Array, side: int) -> tuple[int, float]:
                 apart = (total[k] - total[first]) * after - (total[last] - total[k]) * before
                 clear = apart * apart / (before * after * (before + after))
                 if clear > peak:
-                    at, peak = k, clear
-    return at, peak
+                    begins, ends, peak = first, last, clear
+    return begins, ends, peak
+
+
+@kernel
+def deviations(x: Array) -> Array:
+    """Return the sums of absolute deviations from the median, of the first value, two, and all."""
+    low, high = [-x[0]], [x[0]]  # heaps: negative values up to the median, and values above
+    high.pop()
+    found = np.zeros(len(x))
+    below, above = x[0], 0.0
+    for i in range(1, len(x)):
+        most = -heappushpop(low, -x[i])
+        heappush(high, most)
+        below, above = below + x[i] - most, above + most
+        if len(high) > len(low):
+            least = heappop(high)
+            heappush(low, -least)
+            below, above = below + least, above - least
+        found[i] = above - below - low[0] * (len(low) - len(high))
+    return found
 
 
 @kernel
@@ -127,7 +174,7 @@ def chance_of(r: Array, side: int, peak: float, seen: int, orders: int) -> float
             state ^= state << np.uint64(17)
             j = np.int64((state >> np.uint64(11)) % np.uint64(i + 1))
             r[i], r[j] = r[j], r[i]
-        if peak_of(r, side)[1] >= peak:
+        if peak_of(r, side)[2] >= peak:
             found += 1
             if found == seen:
                 return found / tried

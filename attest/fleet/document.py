@@ -9,7 +9,8 @@ import numpy as np
 
 import attest
 from attest.fleet.change import CHANCE, PERHAPS, SHARE_BY_CHANCE
-from attest.fleet.series import Flights, Series
+from attest.fleet.choice import Flights
+from attest.fleet.series import Series
 from attest.fleet.trend import FEWEST, ODD, Change, Tests, Trend
 
 
@@ -37,6 +38,7 @@ def describe(
         "rows": {"used": len(flights.t), **left_out},
         "vehicles": _vehicles(flights, series),
         "observers": sorted(flights.observers),
+        "configurations": dict(flights.several),
         "first_utc": _utc(dated.min()) if len(dated) else None,
         "last_utc": _utc(dated.max()) if len(dated) else None,
         "judged": _judged(tests, series),
@@ -97,6 +99,7 @@ def _series(flights: Flights, trend: Trend) -> dict[str, Any]:
         "figure": one.figure.title,
         "unit": one.figure.unit,
         "reference": one.reference or None,
+        "configuration": one.configuration or None,
         "flights": len(one.x),
         "undated": len(one.x) - dated,
         "median": _number(trend.median),
@@ -123,9 +126,16 @@ def _change(flights: Flights, one: Series, change: Change) -> dict[str, Any]:
         "log": _path(flights, one, last),
         "before": _number(change.before),
         "after": _number(change.after),
+        "configuration_changed": step and _configured_anew(flights, one, last),
         "deviations": _number(change.deviations),
         "chance": change.chance,
     }
+
+
+def _configured_anew(flights: Flights, one: Series, i: int) -> bool:
+    """Tell whether a flight was run in another way than the one before it."""
+    before, after = flights.configuration[one.rows[i - 1 : i + 1]]
+    return bool(before != after)
 
 
 def _odd(flights: Flights, trend: Trend, i: int, chance: float) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """A series as a drawing in a page: flights in time, their level, changes and odd ones."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from html import escape
 from typing import Any
@@ -12,9 +12,13 @@ from attest.fleet.words import day, value
 
 Array = NDArray[np.float64]
 
-WIDTH, HEIGHT, LEFT, RIGHT, TOP, FOOT = 600, 190, 64, 14, 10, 24
+WIDTH, HEIGHT, LEFT, RIGHT, TOP, FOOT = 600, 176, 64, 14, 6, 24
+"""Of the drawing, without the lines of dates above it."""
+LINE, CHARACTER, APART = 13, 6.2, 8
+"""Height of a line of text, width of a character, and what is left between two texts."""
 MOST = 600
-"""Flights that are drawn; of more, some at even distances."""
+"""Flights that are drawn; of more, some at even distances, and the farthest."""
+MOST_FAR = 60
 ROOM = 0.15
 """Above and below, as a share of what is shown."""
 STYLE = """
@@ -24,13 +28,16 @@ svg .level { fill: none; stroke: var(--ink); stroke-width: 1.5 }
 svg .change { stroke: var(--alert); stroke-dasharray: 4 3 }
 svg .grid { stroke: var(--line) }
 svg text.date { fill: var(--alert) }
+svg text.far { fill: var(--ink) }
 """
 
 
 class _Frame:
     """Where times and values are in a drawing."""
 
-    def __init__(self, t: Array, x: Array, level: Array) -> None:
+    def __init__(self, t: Array, x: Array, level: Array, lines: int) -> None:
+        self.top = TOP + LINE * lines
+        self.foot = HEIGHT - FOOT + LINE * lines
         shown = np.concatenate([np.percentile(x, [2.0, 98.0]), level])
         low, high = float(shown.min()), float(shown.max())
         room = ROOM * (high - low) or abs(high) * ROOM or 1.0
@@ -45,24 +52,87 @@ class _Frame:
     def down(self, x: float) -> float:
         """Return where a value is; what is far out, at the edge."""
         share = (x - self.low) / (self.high - self.low)
-        return HEIGHT - FOOT - min(max(share, 0.0), 1.0) * (HEIGHT - TOP - FOOT)
+        return self.foot - min(max(share, 0.0), 1.0) * (self.foot - self.top)
+
+    def holds(self, x: Array) -> NDArray[np.bool_]:
+        """Tell which values are not far out."""
+        return (x >= self.low) & (x <= self.high)
 
 
 def drawing(one: Mapping[str, Any]) -> str:
     """Return SVG of a series with points."""
     t, x, level = np.array(one["points"], float).T
-    frame = _Frame(t, x, level)
-    chosen = np.unique(np.linspace(0, len(t) - 1, min(len(t), MOST)).astype(int))
-    flights = "".join(
-        f'<circle class="flight" cx="{frame.across(t[i]):.1f}" cy="{frame.down(x[i]):.1f}" r="3">'
-        f"<title>{_date(t[i])}: {value(one, x[i], unit=True)}</title></circle>"
-        for i in chosen
-    )
+    steps = [change for change in one["changes"] if change["kind"] == "step"]
+    dates = _stacked([(_Frame(t, x, level, 0).across(_between(step)), step) for step in steps])
+    frame = _Frame(t, x, level, max((line for *_, line in dates), default=0) + 1)
+    height = frame.foot + FOOT
     return (
-        f'<svg width="{WIDTH}" height="{HEIGHT}" viewBox="0 0 {WIDTH} {HEIGHT}" role="img">'
-        f"{_axes(one, frame)}{flights}{_odd(one, frame)}{_level(t, level, frame)}"
-        f"{_changes(one, frame)}</svg>"
+        f'<svg width="{WIDTH}" height="{height}" viewBox="0 0 {WIDTH} {height}" role="img">'
+        f"{_axes(one, frame)}{_flights(one, t, x, level, frame)}{_odd(one, frame)}"
+        f"{_level(t, level, frame)}{_changes(dates, frame)}</svg>"
     )
+
+
+def _flights(one: Mapping[str, Any], t: Array, x: Array, level: Array, frame: _Frame) -> str:
+    """Return a point for each flight, and for one that is far out an arrow with its value."""
+    far = np.flatnonzero(~frame.holds(x))
+    far = np.sort(far[np.argsort(-np.abs(x - level)[far], kind="stable")[:MOST_FAR]])
+    even = np.linspace(0, len(t) - 1, min(len(t), MOST)).astype(int)
+    near = np.unique(even[frame.holds(x[even])])
+    return "".join(
+        f'<circle class="flight" cx="{frame.across(t[i]):.1f}" cy="{frame.down(x[i]):.1f}" r="3">'
+        f"{_title(one, t[i], x[i])}</circle>"
+        for i in near
+    ) + "".join(_arrows(one, t[far], x[far], frame))
+
+
+def _arrows(one: Mapping[str, Any], t: Array, x: Array, frame: _Frame) -> Iterator[str]:
+    """Yield an arrow for each flight beyond the edge, and its value where there is room for it."""
+    free = {True: 0.0, False: 0.0}
+    for at, number in zip(t.tolist(), x.tolist(), strict=True):
+        above = number > frame.high
+        across, edge, back = frame.across(at), frame.down(number), 7 if above else -7
+        yield (
+            f'<path class="flight" d="M{across:.1f} {edge - 0.5 * back:.1f}l4 {back}h-8z">'
+            f"{_title(one, at, number)}</path>"
+        )
+        text = value(one, number)
+        begin, end = _beside(across, text, 10)
+        if begin >= free[above]:
+            free[above] = end + APART
+            y = edge + (LINE if above else -5)
+            yield f'<text class="far" x="{begin:.1f}" y="{y:.1f}">{escape(text)}</text>'
+
+
+def _title(one: Mapping[str, Any], t: float, x: float) -> str:
+    return f"<title>{_date(t)}: {escape(value(one, x, unit=True))}</title>"
+
+
+def _beside(x: float, text: str, apart: float) -> tuple[float, float]:
+    """Return where a text beside a place begins and ends: to the left near the right edge."""
+    width = CHARACTER * len(text)
+    begin = x + apart if x + apart + width < WIDTH else x - apart - width
+    return begin, begin + width
+
+
+def _between(step: Mapping[str, Any]) -> float:
+    """Return the time in the midst of the flights before and after a step."""
+    return 0.5 * (_time(step["after_utc"]) + _time(step["by_utc"]))
+
+
+def _stacked(
+    steps: Sequence[tuple[float, Mapping[str, Any]]],
+) -> list[tuple[float, str, float, int]]:
+    """Return where each step is, its day, and where that begins, in a line with room for it."""
+    ends: list[float] = []
+    found = []
+    for x, step in steps:
+        text = day(step["by_utc"])
+        begin, end = _beside(x, text, 4)
+        line = next((i for i, taken in enumerate(ends) if begin >= taken), len(ends))
+        ends[line:] = [end + APART, *ends[line + 1 :]]
+        found.append((x, text, begin, line))
+    return found
 
 
 def _axes(one: Mapping[str, Any], frame: _Frame) -> str:
@@ -76,7 +146,7 @@ def _axes(one: Mapping[str, Any], frame: _Frame) -> str:
         )
     ends = (("start", frame.first), ("middle", 0.5 * (frame.first + frame.last)))
     for anchor, t in (*ends, ("end", frame.last)):
-        at = f'x="{frame.across(t):.1f}" y="{HEIGHT - 6}" text-anchor="{anchor}"'
+        at = f'x="{frame.across(t):.1f}" y="{frame.foot + FOOT - 6}" text-anchor="{anchor}"'
         parts.append(f"<text {at}>{_date(t)}</text>")
     parts.append(f'<text x="4" y="{TOP + 4}">{escape(one["unit"])}</text>')
     return "".join(parts)
@@ -104,21 +174,14 @@ def _level(t: Array, level: Array, frame: _Frame) -> str:
     return f'<path class="level" d="{"".join(lines)}"/>'
 
 
-def _changes(one: Mapping[str, Any], frame: _Frame) -> str:
-    """Return a line at each step, with the day beside it."""
-    parts = []
-    for change in one["changes"]:
-        if change["kind"] == "drift":
-            continue
-        after, by = (datetime.fromisoformat(change[key]) for key in ("after_utc", "by_utc"))
-        x = frame.across(0.5 * (after.timestamp() + by.timestamp()))
-        anchor, beside = ("start", 4) if x < 0.8 * WIDTH else ("end", -4)
-        parts.append(
-            f'<line class="change" x1="{x:.1f}" x2="{x:.1f}" y1="{TOP}" y2="{HEIGHT - FOOT}"/>'
-            f'<text class="date" x="{x + beside:.1f}" y="{TOP + 8}" text-anchor="{anchor}">'
-            f"{day(change['by_utc'])}</text>"
-        )
-    return "".join(parts)
+def _changes(dates: Sequence[tuple[float, str, float, int]], frame: _Frame) -> str:
+    """Return a line at each step, with the day above the flights."""
+    return "".join(
+        f'<line class="change" x1="{x:.1f}" x2="{x:.1f}" y1="{TOP + LINE * line}" '
+        f'y2="{frame.foot}"/>'
+        f'<text class="date" x="{begin:.1f}" y="{TOP + LINE * line + 8}">{text}</text>'
+        for x, text, begin, line in dates
+    )
 
 
 def _odd(one: Mapping[str, Any], frame: _Frame) -> str:

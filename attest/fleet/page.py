@@ -68,7 +68,7 @@ def _page(document: Mapping[str, Any]) -> Iterator[str]:
     odd = [_odd(one, flight) for one in document["series"] for flight in one["odd"]]
     titles = ["vehicle", "observer", "figure", "began", "value", "usual", "unit", "log"]
     yield from _table("Odd flights", titles, odd)
-    titles = [*SERIES, "chance", "changes", "odd", "reference"]
+    titles = [*SERIES, "chance", "changes", "odd", "reference", "configuration"]
     yield from _table("Every series", titles, [_series(one) for one in document["series"]])
     yield FOOT
 
@@ -97,7 +97,9 @@ def _odd_in_words(one: Mapping[str, Any]) -> str:
 
 
 def _against(one: Mapping[str, Any]) -> str:
-    return f" against {escape(one['reference'])}" if one["reference"] else ""
+    parts = [f" against {escape(one['reference'])}"] if one["reference"] else []
+    parts += [f" by configuration {escape(one['configuration'])}"] if one["configuration"] else []
+    return "".join(parts)
 
 
 def _less(shown: int, total: int) -> str:
@@ -151,6 +153,7 @@ def _series(one: Mapping[str, Any]) -> list[Cell]:
         (sentence(one["changes"], one), len(one["changes"])),
         (str(len(one["odd"]) or ""), len(one["odd"])),
         (one["reference"] or "", one["reference"] or ""),
+        (one["configuration"] or "", one["configuration"] or ""),
     ]
 
 

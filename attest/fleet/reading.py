@@ -14,7 +14,10 @@ if TYPE_CHECKING:
     import pyarrow
 
 NEEDED = ("path", "observer", "status")
-TEXTS = (*NEEDED, "sha256", "vehicle", "began_utc", "reference", "version", "iron")
+TEXTS = (
+    *(*NEEDED, "sha256", "vehicle", "vehicle_id", "began_utc", "reference", "version", "iron"),
+    *("digest", "ran_utc"),
+)
 NAMES = ("summary.parquet", "summary.csv")
 """In the output of a batch, the better one first."""
 MAGIC = b"PAR1"

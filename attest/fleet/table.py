@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from attest.fleet.words import (
+    ANEW,
     chance_in_words,
     day,
     deviations_in_words,
@@ -60,8 +61,15 @@ def _changes(document: Mapping[str, Any]) -> Iterator[dict[str, str]]:
                 "to": value(one, change["after"], unit=True),
                 "deviations": deviations_in_words(change),
                 "chance": chance_in_words(change["chance"]),
-                "": "" if change["sure"] else "perhaps",
+                "": ", ".join(_remarks(change)),
             }
+
+
+def _remarks(change: Mapping[str, Any]) -> Iterator[str]:
+    if not change["sure"]:
+        yield "perhaps"
+    if change["configuration_changed"]:
+        yield ANEW
 
 
 def _odd(document: Mapping[str, Any]) -> Iterator[dict[str, str]]:

@@ -109,7 +109,7 @@ def _changes(
     t: Array, x: Array, slope: float, chance: float, tests: Tests, orders: int
 ) -> tuple[list[Change], Array]:
     """Return the changes, and the level that they leave."""
-    steps = sorted(_steps(x, 0, chance, max(tests.threshold, change.PERHAPS), orders))
+    steps = _placed(x, sorted(_steps(x, 0, chance, max(tests.threshold, change.PERHAPS), orders)))
     level = _level(x, [at for at, _ in steps])
     line = slope * t
     line = line + np.median(x - line)
@@ -151,6 +151,14 @@ def _steps(
     for part, start in ((x[:k], first), (x[k:], first + k)):
         if len(part) >= FEWEST:
             yield from _steps(part, start, change.chance(part, orders), limit, orders)
+
+
+def _placed(x: Array, steps: list[tuple[int, float]]) -> list[tuple[int, float]]:
+    """Return the steps where they are best between their neighbours, which were not all known."""
+    at = [0, *(k for k, _ in steps), len(x)]
+    for i in range(1, len(at) - 1):
+        at[i] = at[i - 1] + change.placed(x[at[i - 1] : at[i + 1]])
+    return [(k, chance) for k, (_, chance) in zip(at[1:-1], steps, strict=True)]
 
 
 def _level(x: Array, at: Sequence[int]) -> Array:

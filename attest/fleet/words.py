@@ -16,6 +16,7 @@ SINGLE = (
     *("total RMSE", "heading RMSE", "inclination RMSE", "heading offset"),
 )
 UNITS = {figure.title: figure.unit for figure in FIGURES}
+ANEW = "as the configuration changed"
 
 
 def value(one: Mapping[str, Any], number: float | None, *, unit: bool = False) -> str:
@@ -65,6 +66,13 @@ def of_rows(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     if rows["without vehicle"]:
         count = rows["without vehicle"]
         yield "unnamed", f"{count:,} rows without a vehicle: by the folder of the log"
+    if rows["without own id"]:
+        count = rows["without own id"]
+        text = f"{count:,} rows by firmware, board or system id, which several vehicles may share"
+        yield "unsure", f"{text} (--by folder keeps folders apart)"
+    for observer, count in document["configurations"].items():
+        text = f"{observer} in {count:,} ways: errors are followed in each by itself"
+        yield "configured", f"{text}, other figures through all"
     for summary in document["summaries"]:
         if summary["lacks"]:
             yield "lacking", f"{summary['path']}: {', '.join(summary['lacks'])}"
@@ -140,4 +148,6 @@ def _said(change: Mapping[str, Any], one: Mapping[str, Any]) -> str:
     sure = "" if change["sure"] else "perhaps "
     ends = f"{value(one, change['before'])} → {value(one, change['after'], unit=True)}"
     size = f"{deviations_in_words(change)} deviations"
-    return f"{sure}{ends} {when} ({size}, chance {chance_in_words(change['chance'])})"
+    chance = f"chance {chance_in_words(change['chance'])}"
+    anew = f", {ANEW}" if change["configuration_changed"] else ""
+    return f"{sure}{ends} {when} ({size}, {chance}{anew})"

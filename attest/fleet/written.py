@@ -9,8 +9,9 @@ from attest.batch.summary import cells
 from attest.files import replacing
 
 COLUMNS = (
-    *("vehicle", "observers", "figure", "unit", "reference", "flights", "undated", "median", "mad"),
-    *("slope_per_month", "first_utc", "last_utc", "last", "chance"),
+    *("vehicle", "observers", "figure", "unit", "reference", "configuration"),
+    *("flights", "undated", "median", "mad", "slope_per_month"),
+    *("first_utc", "last_utc", "last", "chance"),
 )
 LAST = ("changes", "latest_change", "kind", "sure", "before", "after", "deviations", "odd")
 

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,11 +15,14 @@ from attest.readers.dataflash_format import FMT, FMT_FORMAT, Damage, Mask, Scan,
 from attest.readers.dataflash_signals import ATTITUDES, Array, Stream
 from attest.readers.dataflash_timeline import Timeline, timeline
 from attest.readers.options import ReadOptions
-from attest.readers.values import declination, usable
+from attest.readers.values import declination, parameter, usable
 from attest.recording import Note, Recording, Reference, Signal
 
 VELOCITY = ("XKF1", "NKF1", "GPS")
 POSITION = ("POS", "GPS")
+IDS = {"BRD_SERIAL_NUM": "serial", "SYSID_THISMAV": "system", "MAV_SYSID": "system"}
+"""Parameters that number the vehicle, the surest first; zero is none."""
+MOST_ID = 1e9
 
 
 def recognises(head: bytes, path: Path) -> bool:  # noqa: ARG001 (others look at the path)
@@ -64,6 +68,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
         references=_references(log),
         clock=line.clock,
         vehicle=_vehicle(scan),
+        vehicle_id=_vehicle_id(scan),
         declination=_declination(scan),
         restarts=line.restarts,
         notes=tuple(dict.fromkeys(notes)),
@@ -215,10 +220,24 @@ def _references(log: _Log) -> dict[str, Reference]:
 
 
 def _declination(scan: Scan) -> float | None:
+    found = _parameters(scan)
+    return declination(*found) if found else None
+
+
+def _parameters(scan: Scan) -> tuple[Any, Any] | None:
+    """Return the names of parameters and their values, if they are logged as such."""
     columns = scan.tables["PARM"].columns if "PARM" in scan.tables else {}
-    if not {"Name", "Value"} <= columns.keys():
-        return None
-    return declination(columns["Name"], columns["Value"])
+    return (columns["Name"], columns["Value"]) if {"Name", "Value"} <= columns.keys() else None
+
+
+def _vehicle_id(scan: Scan) -> str | None:
+    """Return the number that somebody gave the board, or else the vehicle."""
+    names, values = _parameters(scan) or (np.empty(0), np.empty(0))
+    for name, word in IDS.items():
+        number = parameter(names, values, name)
+        if number is not None and 0.0 < abs(number) < MOST_ID:
+            return f"{word} {number:.0f}"
+    return None
 
 
 def _vehicle(scan: Scan) -> str:

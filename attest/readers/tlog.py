@@ -25,7 +25,7 @@ VELOCITY = ("LOCAL_POSITION_NED", "GLOBAL_POSITION_INT")
 POSITION = ("GLOBAL_POSITION_INT", "GPS_RAW_INT")
 RECEIVERS = ("GPS_RAW_INT", "GPS2_RAW")
 WANTED = {*INERTIAL, *ATTITUDES, *NOW, *VELOCITY, *POSITION, *RECEIVERS, "SYSTEM_TIME",
-          "HEARTBEAT", "PARAM_VALUE"}  # fmt: skip
+          "HEARTBEAT", "PARAM_VALUE", "AUTOPILOT_VERSION"}  # fmt: skip
 
 
 def recognises(head: bytes, path: Path) -> bool:  # noqa: ARG001 (others look at the path)
@@ -63,6 +63,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
         references=_references(log),
         clock=line.clock,
         vehicle=str(vehicle),
+        vehicle_id=_vehicle_id(own),
         declination=_declination(own),
         restarts=line.restarts,
         notes=_counted(notes),
@@ -255,6 +256,16 @@ def _declination(own: Mapping[str, Table]) -> float | None:
         return None
     rows = own["PARAM_VALUE"].rows
     return declination(rows["param_id"], rows["param_value"])
+
+
+def _vehicle_id(own: Mapping[str, Table]) -> str | None:
+    """Return the number of the board's processor."""
+    if "AUTOPILOT_VERSION" not in own:
+        return None
+    told = own["AUTOPILOT_VERSION"].rows[-1]
+    if told["uid2"].any():
+        return f"uid {told['uid2'].tobytes().hex()}"
+    return f"uid {told['uid']:016x}" if told["uid"] else None
 
 
 def _counted(notes: list[Note]) -> tuple[Note, ...]:

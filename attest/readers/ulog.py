@@ -1,5 +1,6 @@
 """PX4's on-board logs, ``.ulg``, as pyulog understands them."""
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +25,7 @@ ENOUGH = 100.0
 """Hz: a corrected gyroscope as quick as this goes before a raw one that is quicker."""
 ASIDE = 10 * SECOND
 """A sample so far from the gyroscope's is from another time."""
+_UID = re.compile(r"[0-9A-Fa-f]{8,64}")
 
 
 def recognises(head: bytes, path: Path) -> bool:  # noqa: ARG001 (others look at the path)
@@ -61,6 +63,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
         references=_references(log),
         clock=_clock(log),
         vehicle=_vehicle(library),
+        vehicle_id=_vehicle_id(library),
         notes=tuple(dict.fromkeys(notes)),
         details=_details(sound),
     )
@@ -243,6 +246,12 @@ def _vehicle(library: Any) -> str:
     words = (str(info.get("sys_name", "PX4")), version or "", board)
     text = " ".join(word for word in words if word)
     return "".join(char for char in text if char.isprintable())[:200]
+
+
+def _vehicle_id(library: Any) -> str | None:
+    """Return the number of the board's processor."""
+    told = str(library.msg_info_dict.get("sys_uuid", ""))
+    return f"uid {told.lower()}" if _UID.fullmatch(told) and told.strip("0") else None
 
 
 def _details(sound: Sound) -> dict[str, object]:

@@ -18,7 +18,7 @@ MOST_PADDING = 64
 """Bytes at the end that need not be logged; PX4 has up to seven."""
 LONGEST = (1 << 16) - 1 - 2
 """Bytes of data in one message."""
-INFO = {"sys_name": "char", "ver_hw": "char", "ver_sw_release": "uint32_t"}
+INFO = {"sys_name": "char", "sys_uuid": "char", "ver_hw": "char", "ver_sw_release": "uint32_t"}
 """What tells the vehicle, and its type."""
 
 _FIELD = re.compile(r"([A-Za-z0-9_]{1,255})(?:\[(\d{1,5})\])? ([A-Za-z0-9_]{1,255})")

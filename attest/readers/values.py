@@ -51,8 +51,14 @@ def usable(
 
 def declination(names: NDArray[np.generic], values: NDArray[np.generic]) -> float | None:
     """Return ArduPilot's parameter COMPASS_DEC, rad, the last of a log; 0 stands for none."""
-    known = "COMPASS_DEC" if names.dtype.kind == "U" else b"COMPASS_DEC"
+    told = parameter(names, values, "COMPASS_DEC")
+    return told if told is not None and 0.0 < abs(told) <= np.pi else None
+
+
+def parameter(names: NDArray[np.generic], values: NDArray[np.generic], name: str) -> float | None:
+    """Return one of ArduPilot's parameters, the last of a log."""
+    known = name if names.dtype.kind == "U" else name.encode()
     if names.ndim != 1 or values.ndim != 1 or values.dtype.kind not in "iuf":
         return None
     told = values[names == known].astype(np.float64)
-    return float(told[-1]) if len(told) and 0.0 < abs(told[-1]) <= np.pi else None
+    return float(told[-1]) if len(told) else None

@@ -36,6 +36,7 @@ def describe(recording: Recording) -> dict[str, Any]:
         "path": str(recording.path.resolve()),
         "format": recording.format,
         "vehicle": recording.vehicle,
+        "vehicle_id": recording.vehicle_id,
         "body": recording.body,
         "world": recording.world,
         "clock": {"name": clock.name, "utc_offset_ns": clock.utc_offset},
@@ -87,11 +88,11 @@ def _rate(steps: NDArray[np.int64], median: float) -> float:
 
 def text_of_info(info: Mapping[str, Any]) -> str:
     """Return the description as text for a terminal."""
-    clock = info["clock"]
+    clock, vehicle = info["clock"], (info["vehicle"], info["vehicle_id"])
     utc = "UTC known" if clock["utc_offset_ns"] is not None else "UTC not known"
     lines = [
         f"{shown(info['path'])}  {info['format']}, {info['duration_s']:.1f} s",
-        f"  vehicle     {info['vehicle'] or 'not named'}",
+        f"  vehicle     {', '.join(filter(None, vehicle)) or 'not named'}",
         *_senders(info["details"]),
         f"  axes        body {info['body'].upper()}, world {info['world'].upper()}",
         f"  clock       {clock['name']}; {utc}; {counted(info['restarts'], 'restart')}",

@@ -9,6 +9,7 @@ import sys
 import time
 from collections import Counter, deque
 from dataclasses import replace
+from datetime import datetime
 from itertools import islice
 from pathlib import Path
 
@@ -58,6 +59,14 @@ def without_timing(output):
 
 def lines(output):
     return [json.loads(line) for line in (output / "journal.jsonl").read_text().splitlines()]
+
+
+def test_summary_tells_when_a_log_was_run_and_how(whole):
+    output, rows = whole
+    with (output / "summary.csv").open(newline="") as file:
+        told = list(csv.DictReader(file))
+    assert {row["digest"] for row in told} == {rows[0]["digest"]}
+    assert all(datetime.fromisoformat(row["ran_utc"]).tzinfo for row in told)
 
 
 def test_every_log_is_one_row_with_its_status(whole):

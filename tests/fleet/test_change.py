@@ -1,6 +1,7 @@
 """How often a steady series is called changed, and a changed one is not."""
 
 from itertools import permutations
+from math import comb
 
 import numpy as np
 import pytest
@@ -38,6 +39,14 @@ def test_step_of_three_deviations_midway_through_twenty_flights_is_found():
         found += flagged
         near += flagged and abs(change.split(x)[0] - 10) <= 2
     assert found >= near >= 0.95 * series
+
+
+@pytest.mark.parametrize(("count", "first"), [(45, 40), (45, 5), (45, 20), (30, 25), (100, 90)])
+def test_step_of_ten_deviations_is_placed_at_its_flight(count, first):
+    rng = np.random.default_rng(3)
+    for _ in range(200):
+        x = rng.normal(size=count) + 10.0 * (np.arange(count) >= first)
+        assert change.split(x)[0] == first
 
 
 def brute_force(x):
@@ -81,6 +90,20 @@ def test_chance_is_the_share_of_orders_that_look_as_changed(x):
 def test_nothing_is_told_of_equal_values_or_too_few():
     assert change.chance(np.zeros(30), 1000) == 1.0
     assert change.chance(np.arange(5.0), 1000) == 1.0
+
+
+@pytest.mark.parametrize(("zeros", "ones"), [(37, 3), (27, 3), (55, 3)])
+@pytest.mark.parametrize("orders", [10_000, 400_000])
+def test_chance_of_few_values_among_many_equal_ones_is_no_less_than_it_is(zeros, ones, orders):
+    x = np.repeat([0.0, 1.0], [zeros, ones])
+    at_an_end = 2.0 / comb(len(x), ones)  # of all, or of a half that they are in
+    assert 0.3 * at_an_end <= change.chance(x, orders) <= max(4 * at_an_end, 5 / orders)
+
+
+@given(values)
+def test_deviations_are_those_from_the_median_of_the_first_values(x):
+    expected = [np.abs(x[:k] - np.median(x[:k])).sum() for k in range(1, len(x) + 1)]
+    assert change.deviations(x) == pytest.approx(expected)
 
 
 def test_clear_change_of_many_flights_needs_no_orders():

@@ -32,11 +32,13 @@ def test_it_tells_what_changed_first(moved, tmp_path):
     found = attest(moved, moved / "summary.csv", "--output", tmp_path)
     assert (found.returncode, found.stderr) == (0, "")
     lines = found.stdout.splitlines()
-    assert lines[:4] == [
+    assert lines[:5] == [
         "2 vehicles, 41 flights  fts",
         "  from        2026-01-01 to 2026-01-30",
         "  rows        41 used; left out 2 that did not end well, 41 of a log and observer that "
         "are there twice",
+        "  unsure      41 rows by firmware, board or system id, which several vehicles may share "
+        "(--by folder keeps folders apart)",
         "  judged      16 series of 10 flights or more",
     ]
     changes = lines[lines.index("  changes") + 1 :]

@@ -8,7 +8,7 @@ import pytest
 import summaries
 
 from attest import fleet
-from attest.fleet import Choice, page
+from attest.fleet import Choice, drawing, page
 
 EVIL = '<script>alert("1")</script>'
 
@@ -67,6 +67,45 @@ def test_flagged_series_are_drawn_with_their_dates(written):
     assert text.count('class="odd"') == sum(len(one["odd"]) for one in flagged)
     assert text.index("<h2>Changes") < text.index("<h2>Medians") < text.index("<h2>Every series")
     assert text.index('<td data-v="one">') < text.index('<td data-v="two">')
+
+
+def texts(svg, kind):
+    """Return place and words of each text of a kind."""
+    found = re.findall(rf'<text class="{kind}" x="([^"]*)" y="([^"]*)">([^<]*)<', svg)
+    return [(float(x), float(y), words) for x, y, words in found]
+
+
+def test_flight_beyond_the_axis_is_an_arrow_with_its_value(written):
+    rows = summaries.steady(60, "one")
+    rows[17]["total_rmse_deg"] = 36.4
+    _, document = written(rows)
+    svg = drawing.drawing(next(x for x in document["series"] if x["figure"] == "total RMSE"))
+    assert max(float(tick) for tick in re.findall(r'"end">([\d.]+)<', svg)) < 10
+    ((_, _, words),) = texts(svg, "far")
+    assert words == "36.40"
+    assert svg.count('<path class="flight"') == 1
+    assert svg.count('<circle class="flight"') == 59
+    assert "<title>2026-01-18: 36.40 °</title></path>" in svg
+
+
+def test_values_and_dates_do_not_lie_upon_each_other(written):
+    rows = summaries.steady(300, "one")
+    for i, row in enumerate(rows):
+        row["hard_iron_x_ut"] += 30.0 * (i >= 100) + 40.0 * (i >= 115) - 60.0 * (i >= 290)
+        row["field_ut_median"] += 60.0 * (i in {3, 8, 200})
+    _, document = written(rows)
+    series = {one["figure"]: one for one in document["series"]}
+    svg, other = (drawing.drawing(series[name]) for name in ("hard iron x", "field/model"))
+    steps = series["hard iron x"]["changes"]
+    dates = texts(svg, "date")
+    assert [words for *_, words in dates] == [step["by_utc"][:10] for step in steps]
+    assert len(dates) == 3
+    assert dates[0][1] != dates[1][1]
+    assert max(x + drawing.CHARACTER * len(words) for x, _, words in dates) < drawing.WIDTH
+    points = [float(y) for y in re.findall(r'<circle[^>]*cy="([^"]*)"', svg)]
+    assert min(points) > max(y for _, y, _ in dates)
+    assert other.count('<path class="flight"') == 3
+    assert len(texts(other, "far")) == 2
 
 
 def test_page_has_no_more_than_a_browser_shows(written, monkeypatch):

@@ -93,6 +93,35 @@ def test_numbers_that_are_none_are_left_out(tmp_path):
     assert one["flights"] == 1
 
 
+@pytest.mark.parametrize(
+    "when", ["9999-12-31T23:59:59-23:59", "9999-12-31T23:59:59", "2200-01-01", "0001-01-01"]
+)
+def test_time_that_no_clock_has_is_unknown(tmp_path, when):
+    rows = summaries.steady(12)
+    rows[3] |= {"began_utc": when, "ran_utc": when}
+    document = fleet.fleet([summaries.write(tmp_path, rows)], Choice())
+    assert document["rows"]["undated"] == 1
+    assert document["last_utc"] == "2026-01-12T12:00:00+00:00"
+
+
+def test_version_of_many_digits_is_older_than_one(tmp_path):
+    rows = [row | {"version": "9" * 5000, "total_rmse_deg": 9.0} for row in summaries.steady(4)]
+    rows += [row | {"total_rmse_deg": 1.0} for row in summaries.steady(4)]
+    document = fleet.fleet([summaries.write(tmp_path, rows[::-1])], Choice())
+    (one,) = [one for one in document["series"] if one["figure"] == "total RMSE"]
+    assert (one["flights"], one["median"]) == (4, 1.0)
+
+
+@pytest.mark.filterwarnings("error")
+def test_numbers_that_sums_cannot_hold_are_left_out(tmp_path):
+    rows = summaries.steady(30)
+    for i, row in enumerate(rows):
+        row["hard_iron_x_ut"] = (-1.0) ** i * 1e308 if i > 14 else 1e-308
+    document = fleet.fleet([summaries.write(tmp_path, rows)], Choice())
+    assert {one["flights"] for one in document["series"] if one["figure"] == "hard iron x"} == {15}
+    assert fleet.text_of_fleet(document, fleet.write_results(document, tmp_path / "out"))
+
+
 def test_too_many_rows_are_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(reading, "MOST_BYTES", 1000)
     with pytest.raises(ReadError, match=r"too many rows for memory\. Name fewer summaries\."):

@@ -100,6 +100,42 @@ def test_log_and_observer_count_once_and_the_newest_version_wins(tmp_path):
     assert (rmse["flights"], rmse["median"]) == (4, 1.0)
 
 
+def test_what_ran_last_wins_whatever_its_path_and_version(tmp_path):
+    early, late = "2026-02-01T10:00:00.000+00:00", "2026-02-01T10:00:00.500+00:00"
+    old = [
+        row | {"ran_utc": early, "total_rmse_deg": 9.0, "path": f"/z{row['path']}"}
+        for row in summaries.steady(4, version="1.10.0")
+    ]
+    new = [
+        row | {"ran_utc": late, "total_rmse_deg": 1.0} for row in summaries.steady(4, version="1.9")
+    ]
+    unknown = [row | {"total_rmse_deg": 5.0} for row in summaries.steady(4, version="2.0")]
+    document = fleet.fleet([summaries.write(tmp_path, new + old + unknown)], Choice())
+    (rmse,) = [one for one in document["series"] if one["figure"] == "total RMSE"]
+    assert (rmse["flights"], rmse["median"]) == (4, 1.0)
+
+
+def test_errors_by_different_configurations_do_not_compare(told):
+    rows = changed(summaries.steady(30), 15, hard_iron_x_ut=9.0, total_rmse_deg=9.0)
+    rows = [row | {"digest": f"{'ab'[i >= 15]}{'0' * 63}"} for i, row in enumerate(rows)]
+    document, flagged = told(rows)
+    assert set(flagged) == {"hard iron x"}
+    assert flagged["hard iron x"]["changes"][0]["configuration_changed"]
+    assert document["configurations"] == {"fts": 2}
+    found = {one["configuration"]: one["flights"] for one in document["series"]}
+    assert found == {None: 30, "a0000000": 15, "b0000000": 15}
+    text = fleet.text_of_fleet(document, [])
+    assert "fts in 2 ways: errors are followed in each by itself" in text
+    assert "as the configuration changed" in text
+
+
+def test_change_of_the_vehicle_is_none_of_the_configuration(told):
+    rows = changed(summaries.steady(30), 15, hard_iron_x_ut=9.0)
+    rows = [row | {"digest": "ab"[i >= 20]} for i, row in enumerate(rows)]
+    _, flagged = told(rows)
+    assert not flagged["hard iron x"]["changes"][0]["configuration_changed"]
+
+
 def test_what_observers_tell_alike_is_one_series(told):
     rows = summaries.steady(4)
     other = [row | {"observer": "mekf", "total_rmse_deg": 7.0} for row in rows]
@@ -140,6 +176,34 @@ def test_vehicle_that_is_not_named_is_the_folder(told):
     document, _ = told(rows)
     assert document["rows"]["without vehicle"] == 3
     assert document["vehicles"][0]["vehicle"] == "folder /flights/one"
+
+
+def test_vehicles_of_one_firmware_are_apart_by_their_ids_and_one_of_two_firmwares_is_one(told):
+    rows = summaries.steady(24)
+    for i, row in enumerate(rows):
+        number, version = 1 + (i >= 12), "V4.6" if i % 12 < 6 else "V4.7"
+        row |= {"vehicle": f"ArduCopter {version}.0 (ab)", "vehicle_id": f"serial {number}"}
+    document, flagged = told(changed(rows, 12, hard_iron_x_ut=20.0))
+    assert not flagged
+    assert document["rows"]["without own id"] == 0
+    assert {one["vehicle"]: one["flights"] for one in document["vehicles"]} == {
+        "ArduCopter V4.7.0 (ab), serial 1": 12,
+        "ArduCopter V4.7.0 (ab), serial 2": 12,
+    }
+
+
+def test_system_id_tells_vehicles_of_one_kind_apart_and_may_be_shared(told):
+    names = ("ArduCopter V4.6.0", "ArduCopter V4.7.0", "ArduPlane V4.6.0")
+    rows = [
+        row | {"vehicle": name, "vehicle_id": "system 1"}
+        for name, row in zip(names, summaries.steady(3), strict=True)
+    ]
+    document, _ = told(rows)
+    assert document["rows"]["without own id"] == 3
+    assert {one["vehicle"]: one["flights"] for one in document["vehicles"]} == {
+        "ArduCopter V4.7.0, system 1": 2,
+        "ArduPlane V4.6.0, system 1": 1,
+    }
 
 
 def test_by_folder_logs_of_one_name_are_apart(told):

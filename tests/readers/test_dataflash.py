@@ -228,8 +228,28 @@ def test_the_declination_is_the_last_that_the_vehicle_was_told(tmp_path, form, v
     assert read(tmp_path, data, form).declination == declination
 
 
+@pytest.mark.parametrize("form", ["flight.BIN", "flight.log"])
+@pytest.mark.parametrize(
+    ("values", "told"),
+    [
+        ({"SYSID_THISMAV": 3.0, "BRD_SERIAL_NUM": 1207.0}, "serial 1207"),
+        ({"SYSID_THISMAV": 3.0, "BRD_SERIAL_NUM": 0.0}, "system 3"),
+        ({"MAV_SYSID": 4.0}, "system 4"),
+        ({"BRD_SERIAL_NUM": np.nan, "SYSID_THISMAV": 1e30}, None),
+        ({}, None),
+    ],
+)
+def test_the_vehicle_has_the_number_of_its_board_or_its_own(tmp_path, form, values, told):
+    log = flight(TIMES)
+    for name, value in values.items():
+        log.add("PARM", 1, name, value)
+    data = bytes(log.data) if form.endswith("BIN") else log.text()
+    assert read(tmp_path, data, form).vehicle_id == told
+
+
 def test_parameters_of_another_form_tell_nothing(tmp_path):
     log = Log()
     log.define("PARM", "QIf", "TimeUS,Name,Value")
     log.add("PARM", 1, 5, 0.1)
-    assert read(tmp_path, flight(TIMES, log)).declination is None
+    recording = read(tmp_path, flight(TIMES, log))
+    assert recording.declination is recording.vehicle_id is None

@@ -248,6 +248,24 @@ def test_vehicle_is_the_autopilot_not_the_ground_station(tmp_path):
     assert [sender["id"] for sender in recording.details["senders"]] == ["1/1", "1/154", "255/190"]
 
 
+@pytest.mark.parametrize(
+    ("uid", "uid2", "told"),
+    [
+        (7, (*range(1, 13), *[0] * 6), "uid 0102030405060708090a0b0c000000000000"),
+        (0xAB00000000000001, (0,) * 18, "uid ab00000000000001"),
+        (0, (0,) * 18, None),
+    ],
+)
+def test_the_vehicle_has_the_number_of_its_processor(tmp_path, uid, uid2, told):
+    version = mav.MAVLink_autopilot_version_message(
+        0, 0, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, uid, uid2
+    )
+    log = flight(BOOTS).add(heartbeat(), 110).add(version, 110)
+    assert log.read(tmp_path).vehicle_id == told
+    other = flight(BOOTS).add(heartbeat(), 110).add(version, 110, (1, 154))
+    assert other.read(tmp_path).vehicle_id is None
+
+
 def test_several_vehicles(tmp_path):
     log = flight(BOOTS).add(heartbeat(), 110)
     log = flight(BOOTS[:50], log, (2, 1)).add(heartbeat(), 110, (2, 1))

@@ -216,6 +216,15 @@ def test_the_vehicle_is_named(tmp_path):
     assert read(tmp_path, flight(TIMES, log)).vehicle == "PX4 v1.14.3 on FMUV5"
 
 
+@pytest.mark.parametrize(
+    ("told", "number"),
+    [("000600000000383638393239510D0035", "uid 000600000000383638393239510d0035"),
+     ("0" * 36, None), ("many words", None), ("ab" * 100, None)]
+)  # fmt: skip
+def test_the_vehicle_has_the_number_of_its_processor(tmp_path, told, number):
+    assert read(tmp_path, flight(TIMES, Log().info("sys_uuid", told))).vehicle_id == number
+
+
 def test_appended_data_is_read_behind_what_was_cut(tmp_path):
     log = flight(TIMES[:500], Log().flags())
     whole = bytes(log.data)
