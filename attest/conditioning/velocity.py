@@ -25,10 +25,15 @@ GAP = 2 * SECOND
 """Longest time between two samples across which there is a slope, ns."""
 APART = 200 * SECOND
 """Between stretches; no smoothing reaches that far."""
-JUMP = 3.0
-"""By which velocity and accelerometer may differ from a sample to the next, m/s."""
-JERK = 10.0
-"""And for each second between them, as the velocity may be late, m/s²."""
+JUMP = 1.5
+"""By which velocity and accelerometer may differ from a sample to the next, be it not usual, m/s:
+a velocity that is late by 0.1 s differs so much as 15 m/s² set in."""
+BACK = 0.5
+"""Share of a jump that is left where the next sample is back."""
+AROUND = 3 * SECOND
+"""Before and after a second, what tells how the frames are turned, ns."""
+OFTEN = 0.9
+"""Share of the changes that differ by what is usual, at the most."""
 STUCK = SECOND
 """A value that stays the same for so long is looked at, ns."""
 PIECE = 5 * SECOND
@@ -111,10 +116,57 @@ def _moves(pair: Compared, first: int, last: int) -> bool:
 def breaks(pair: Compared) -> tuple[Mask, Mask]:
     """Mark the gaps (k - 1,) that are too long for a slope, and jumps that cannot be."""
     dt = np.diff(pair.t)
-    change, felt = (np.linalg.norm(np.diff(y, axis=0), axis=1) for y in (pair.v, pair.u))
-    long, off = dt > GAP, np.abs(change - felt)
-    usual = float(np.median(off)) if len(off) else 0.0
-    return long, ~long & (off > np.maximum(JUMP + JERK * dt * 1e-9, USUAL * usual))
+    if not len(dt):
+        return np.zeros(0, np.bool_), np.zeros(0, np.bool_)
+    dv, du = np.diff(pair.v, axis=0), np.diff(pair.u, axis=0)
+    # what adds up for longer than usual is less certain
+    longer = np.sqrt(np.maximum(dt / np.median(dt), 1.0))
+    shorter = np.abs(np.linalg.norm(dv, axis=1) - np.linalg.norm(du, axis=1))
+    R = _turns(pair.t, dv, du, shorter <= _most(shorter) * longer)
+    off = _off(R, dv, du)
+    long, most = dt > GAP, _most(off) * longer
+    jumps = ~long & (off > most)
+    # where two changes together are off by far less it is the sample between them that is off
+    two = _off(R[:-1], dv[1:] + dv[:-1], du[1:] + du[:-1])
+    back = two < BACK * np.maximum(off[1:], off[:-1])
+    spikes = np.flatnonzero(back & (jumps[1:] | jumps[:-1]))
+    jumps[spikes] = jumps[spikes + 1] = True
+    return long, jumps & ~long
+
+
+def _most(off: Array) -> float:
+    """Return by how much sound changes may differ."""
+    return max(JUMP, USUAL * float(np.quantile(off, OFTEN)))
+
+
+def _turns(t: Stamps, dv: Array, du: Array, like: Mask) -> Array:
+    """Return how the gyroscope's frame is turned in the world at each change, (k - 1, 3, 3).
+
+    What turns the changes of the seconds around best into each other. What they leave open, in
+    hover the heading, does not matter to them.
+
+    Parameters
+    ----------
+    t, dv, du : shapes (k,), (k - 1, 3) and (k - 1, 3)
+        Stamps, and the changes from each to the next, m/s.
+    like : shape (k - 1,)
+        Changes that are like each other: others are left out.
+    """
+    cells, cell = np.unique((t[:-1] - t[0]) // SECOND, return_inverse=True)
+    begin = np.searchsorted(t, t[0] + cells * SECOND - AROUND)
+    end = np.searchsorted(t, t[0] + (cells + 1) * SECOND + AROUND, side="right") - 1
+    pairs = (dv * like[:, np.newaxis])[:, :, np.newaxis] * du[:, np.newaxis, :]
+    total = np.concatenate([np.zeros((1, 3, 3)), np.cumsum(pairs, axis=0)])
+    U, _, Vt = np.linalg.svd(total[end] - total[begin])
+    U[:, :, 2] *= np.linalg.det(U @ Vt)[:, np.newaxis]
+    R: Array = (U @ Vt)[cell]
+    return R
+
+
+def _off(R: Array, dv: Array, du: Array) -> Array:
+    """Return how far changes of the velocity are from those that are felt, m/s."""
+    off: Array = np.linalg.norm(dv - np.einsum("nij,nj->ni", R, du), axis=1)
+    return off
 
 
 def lasting(t: Stamps, broken: Mask, shortest: int) -> Mask:

@@ -25,9 +25,7 @@ def test_a_kernel_calls_another():
     assert (quarter.__name__, quarter.__doc__) == ("quarter", "Halve twice, by another kernel.")
 
 
-@pytest.mark.parametrize(
-    "command", [["info", "quadcopter.tlog"], ["config", "show", "eso"], ["observers"]]
-)
+@pytest.mark.parametrize("command", [["config", "show", "eso"], ["observers"]])
 def test_what_runs_no_kernel_does_without_numba(sample_logs, command):
     code = (
         "import sys\nfrom attest.cli import cli\n"
