@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from attest.conditioning import iron
 from attest.conditioning.iron import ALL, HARD, Field, Fit, Iron
+from attest.conditioning.windows import Windows
 from attest.recording import Note
 
 Array = NDArray[np.float64]
@@ -55,7 +56,7 @@ class Verdict:
 
 def judge(field: Field | None) -> Verdict | str:
     """Return what the samples tell, or why they tell nothing."""
-    if field is None or field.window[-1] + 1 < FEWEST or len(field.X) < FEWEST**2:
+    if field is None or len(field.spans) < FEWEST or len(field.X) < FEWEST**2:
         return f"the log has too little of it: {FEWEST} x {iron.WINDOW:g} s are needed"
     hard = iron.fit(field, HARD)
     variance, axes = np.linalg.eigh(hard.covariance)
@@ -80,31 +81,31 @@ def _verdict(field: Field, basis: Array, fit: Fit) -> Verdict:
     told = np.linalg.norm(basis[:3], axis=1) > 0.5  # share of an axis in what is observed
     variance = np.diag(basis[:3] @ fit.covariance @ basis[:3].T)
     deviation = np.where(told, field.strength * np.sqrt(variance), np.inf)
-    changed = iron.heading(field, iron.NONE, found)
+    y = iron.taken_off(field, found)
+    changed = iron.heading(field, field.before, y)
     if changed < MATTERS:
         against = f"it would change the heading by {np.rad2deg(changed):.1f}° only"
         return Verdict(found, deviation, np.ones((2, 3)), changed, against)
-    first = (field.window // BLOCK) % 2 == 0
+    first = (np.arange(len(field.spans)) // BLOCK) % 2 == 0
     halves = [field.part(chosen) for chosen in (first, ~first)]
-    made = [
-        iron.iron(iron.fit(half, basis, fit.weight[chosen]).x, field.strength)
-        for half, chosen in zip(halves, (first, ~first), strict=True)
-    ]
-    left = np.array([_left(half, other) for half, other in zip(halves, made[::-1], strict=True)])
-    against = _against(field, found, left, changed, iron.heading(field, *made))
+    fits = [iron.fit(half, basis, fit.weight) for half in halves]
+    made = [iron.taken_off(field, iron.iron(each.x, field.strength)) for each in fits]
+    left = np.vstack([_left(half, other) for half, other in zip(halves, made[::-1], strict=True)])
+    against = _against(field, y, left, changed, iron.heading(field, *made))
     return Verdict(found, deviation, left, changed, against)
 
 
-def _against(field: Field, found: Iron, left: Array, changed: float, differs: float) -> str:
-    """Say what speaks against a calibration."""
+def _against(field: Field, y: Array, left: Array, changed: float, differs: float) -> str:
+    """Say what speaks against a calibration that makes y (n, 3) of the field."""
     if not (left[:, :2] <= HELPS).all() or not (left <= HARMS).all():
         return f"held-back parts of the log are not clearly better by it ({_told(left)})"
-    parts = np.array_split(np.arange(field.window[-1] + 1), PARTS)
-    worst = max(_left(field.part(np.isin(field.window, part)), found)[0] for part in parts)
+    n, part = len(field.spans), np.arange(PARTS + 1)
+    # the first parts are longer by one where n cannot be divided
+    edges = part * (n // PARTS) + np.minimum(part, n % PARTS)
+    worst = _left(field, y, edges)[:, 0].max()
     if worst > HARMS:
         return f"it makes a part of the log worse, by {worst - 1.0:.0%}"
-    runs = np.arange(field.window[-1] + 1) // RUN
-    worst = max(_left(field.part(runs[field.window] == run), found)[0] for run in np.unique(runs))
+    worst = _left(field, y, np.append(np.arange(0, n, RUN), n))[:, 0].max()
     if worst > SPOILS:
         return f"it makes {RUN * iron.WINDOW:g} s of the log worse, by {worst - 1.0:.0%}"
     if differs > ALIKE * changed:
@@ -138,17 +139,21 @@ def given(field: Field | None, told: Iron) -> Note:
     text = f"magnetometer: {described(told)} taken off as configured"
     if field is None:
         return Note(text)
-    left = _left(field, told)
-    scaled = np.median(np.linalg.norm(iron.taken_off(field, told), axis=1))
+    y = iron.taken_off(field, told)
+    left = _left(field, y)
+    scaled = np.median(np.linalg.norm(y, axis=1))
     # only shares of the strength that it makes compare
     left = left / max(float(scaled), 1e-12)
-    worse = bool((left[:2] > 1.0 / HELPS).any())
-    text += f", {_told(left[np.newaxis])}"
+    worse = bool((left[:, :2] > 1.0 / HELPS).any())
+    text += f", {_told(left)}"
     return Note(text + (": worse than without it" if worse else ""), doubt=worse)
 
 
-def _left(field: Field, made: Iron) -> Array:
-    left: Array = (iron.misfit(field, made) + NIL) / (iron.misfit(field, iron.NONE) + NIL)
+def _left(field: Field, y: Array, edges: Windows | None = None) -> Array:
+    """Return the share of the misfit that y (n, 3) leaves in all or in groups, (g, 3) or (g, 2)."""
+    edges = np.array([0, len(field.spans)]) if edges is None else edges
+    before = iron.misfits(field, field.before, edges)
+    left: Array = (iron.misfits(field, y, edges) + NIL) / (before + NIL)
     return left
 
 

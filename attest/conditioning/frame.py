@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from attest.conditioning.rows import times_since
 from attest.geometry import mat3, so3
-from attest.geometry.jit import kernel
+from attest.geometry.jit import inlined, kernel
 from attest.geometry.so3 import Quaternion
 
 Array = NDArray[np.float64]
@@ -118,7 +118,7 @@ def carry(
     return body, age <= max_age, age
 
 
-@kernel
+@inlined
 def last_before(t: Stamps, when: int, i: int) -> int:
     """Return the last stamp that is not after a time, from one on that is not or is the first."""
     jump = 1
@@ -132,7 +132,7 @@ def last_before(t: Stamps, when: int, i: int) -> int:
     return i
 
 
-@kernel
+@inlined
 def between(t: Stamps, D: Array, when: int, i: int) -> Quaternion:
     """Return the frame at a time, given the last stamp before it."""
     q = so3.row4(D, i)

@@ -9,7 +9,7 @@ share of the field's strength; h hard iron; S soft iron, symmetric with the trac
 strength stays; x = (S h, S by rows); X what the field in the gyroscope's frame is of it, X x.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,12 +32,6 @@ SPACING = 0.2
 """Least time between the samples that are used, s."""
 ROUNDS, LAST_ROUNDS = 5, 3
 """Of weighting, which settles in fewer; and from weights that are nearly known."""
-FAINT = 1e-8
-"""Mean square of a turn that tells nothing, rad²."""
-QUIET = 1e-3
-"""Deviation of a magnetometer's samples at the least, as a share of the strength."""
-TAIL = 3.0
-"""Square of the misfit, in deviations, at which a sample counts half."""
 HARD = np.eye(12, 3)
 """Basis of the changes that hard iron makes of x."""
 _R2, _R6 = np.sqrt(0.5), np.sqrt(1.0 / 6.0)
@@ -79,20 +73,18 @@ class Field:
 
     X: Array
     """Shape (n, 3, 12)."""
+    before: Array
+    """With no iron taken off, as shares of the strength, shape (n, 3)."""
     strength: float
     """Median length, tesla."""
-    window: Windows
-    """Number of each sample's window, rising from 0 without gaps, shape (n,)."""
-    starts: Windows
-    """First sample of each window, and behind them the number of samples."""
-    up: Array | None
-    """Unit vertical in the frame, a window's mean; None where it is not known, shape (n, 3)."""
+    spans: Windows
+    """First sample of each window, and the one behind it, shape (w, 2)."""
+    up: Array
+    """Unit vertical in the frame, a window's mean, shape (n, 3); no rows where it is not known."""
 
     def part(self, chosen: Mask) -> "Field":
-        """Return some of the samples."""
-        up = None if self.up is None else self.up[chosen]
-        window = _numbers(self.window[chosen])
-        return Field(self.X[chosen], self.strength, window, _beginnings(window), up)
+        """Return what there is in some of the windows."""
+        return replace(self, spans=self.spans[chosen])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,7 +96,7 @@ class Fit:
     covariance: Array
     """In the basis of its changes, shape (k, k)."""
     weight: Array
-    """Of each sample, shape (n,)."""
+    """Of each sample, shape (n,); what it was before outside of the windows."""
 
 
 def field(line: Timeline, mag: Signal, vertical: Measured | None) -> Field | None:
@@ -126,43 +118,39 @@ def field(line: Timeline, mag: Signal, vertical: Measured | None) -> Field | Non
     chosen = first + first_of_cells(mag.t[first:last], round(SPACING * SECOND))
     chosen = chosen[:: -(-len(chosen) // MOST_SAMPLES)]
     t, y = mag.t[chosen], mag.y[chosen]
-    window = _numbers((t - t[0]) // round(WINDOW * SECOND))
-    starts = _beginnings(window)
+    cells = (t - t[0]) // round(WINDOW * SECOND)
+    starts = np.flatnonzero(np.diff(cells, prepend=-1))
+    spans = np.stack([starts, np.append(starts[1:], len(t))], axis=1)
     strength = float(np.median(np.linalg.norm(y, axis=1)))
-    D = frame.at(line.t, line.D, t)
-    up = None
-    if vertical is not None:
-        near = frame.nearest(line.t, t)[0]
-        length = np.where(vertical.valid[near], vertical.length[near], 0.0)
-        force = length[:, np.newaxis] * vertical.body[near]
-        up = unit(_means(quaternion.rotate(line.D[near], force), starts)[window])
-    X = np.empty((len(y), 3, 12))
-    windows.columns(D, y / strength, X)
-    return Field(X, strength, window, starts, up)
+    X, before = np.empty((len(y), 3, 12)), np.empty((len(y), 3))
+    windows.columns(frame.at(line.t, line.D, t), y / strength, X, before)
+    return Field(X, before, strength, spans, _up(line, t, vertical, spans))
+
+
+def _up(line: Timeline, t: NDArray[np.int64], vertical: Measured | None, spans: Windows) -> Array:
+    """Return the mean of the vertical over the window of each time, in the frame, (n, 3)."""
+    if vertical is None:
+        return np.empty((0, 3))
+    near = frame.nearest(line.t, t)[0]
+    length = np.where(vertical.valid[near], vertical.length[near], 0.0)
+    fixed = quaternion.rotate(line.D[near], length[:, np.newaxis] * vertical.body[near])
+    # the sum's direction is the mean's
+    return np.repeat(unit(np.add.reduceat(fixed, spans[:, 0])), np.diff(spans)[:, 0], axis=0)
 
 
 def fit(field: Field, basis: Array, weight: Array | None = None) -> Fit:
     """Return x, changed in a basis of shape (12, k) only, from weights as far as they are known.
 
-    Samples of Cauchy's distribution: those of disturbed places count little. The covariance is
-    widened by how much the windows scatter, for errors within one are of one sort.
+    The covariance is widened by how much the windows scatter, for errors within one are of one
+    sort.
     """
-    x, k = unknowns(NONE), basis.shape[1]
-    Z, y, starts = times(field.X, basis), times(field.X, x), field.starts
-    left, size2, scores = np.empty_like(y), np.empty(len(y)), np.zeros((len(starts) - 1, k))
-    rounds, weight = (ROUNDS, np.ones(len(y))) if weight is None else (LAST_ROUNDS, weight)
-    for _ in range(rounds):
-        A, slope = np.zeros((k, k)), np.zeros(k)
-        windows.normal(Z, y, weight, starts, A, slope)
-        inverse = np.linalg.inv(A + FAINT * len(y) * np.eye(k))
-        z = -inverse @ slope
-        windows.left(Z, y, weight, starts, z, left, size2)
-        weight = 1.0 / (1.0 + size2 / max(TAIL * middle(size2), QUIET**2))
-    windows.scores(Z, left, weight, starts, scores)
-    scatter = float(np.sum((scores @ inverse) * scores)) / k
-    # what hardly moves has scores of hardly anything: no less than the samples' own scatter
-    scatter = max(scatter, float(np.mean(weight * size2)) / 3.0, QUIET**2)
-    return Fit(x + basis @ z, scatter * inverse, weight)
+    k = basis.shape[1]
+    inverse, z = np.empty((k, k)), np.empty(k)
+    rounds = ROUNDS if weight is None else LAST_ROUNDS
+    weight = np.ones(len(field.X)) if weight is None else weight.copy()
+    Z = times(field.X, basis)
+    scatter = windows.fit(Z, field.before, field.spans, rounds, weight, inverse, z)
+    return Fit(unknowns(NONE) + basis @ z, scatter * inverse, weight)
 
 
 def iron(x: Array, strength: float) -> Iron:
@@ -176,22 +164,27 @@ def unknowns(iron: Iron, strength: float = 1.0) -> Array:
     return np.concatenate([iron.soft @ iron.hard / strength, np.ravel(iron.soft)])
 
 
-def misfit(field: Field, iron: Iron) -> Array:
+def misfits(field: Field, y: Array, edges: Windows) -> Array:
     """Return how far the field is from standing still, in strength and in its part along the up.
 
-    Mean absolute, as shares of the strength; shape (3,) or, without the vertical, (2,).
+    Mean absolute, as shares of the strength, in groups of windows; shape (g, 3) or, without the
+    vertical, (g, 2).
+
+    Parameters
+    ----------
+    y : shape (n, 3)
+        The field, as `taken_off` returns it.
+    edges : shape (g + 1,)
+        Window at which each group begins, and the one behind the last group.
     """
-    y, length, along = taken_off(field, iron), np.empty(len(field.X)), np.empty(len(field.X))
-    up = np.empty((0, 3)) if field.up is None else field.up
-    moved = windows.moved(y, up, field.starts, length, along)
-    spreads = [moved, _spread(length)] + ([_spread(along)] if len(up) else [])
-    return np.array(spreads)
+    found = np.empty((len(edges) - 1, 3))
+    windows.misfits(y, field.up, field.spans, edges, found)
+    return found if len(field.up) else found[:, :2]
 
 
-def heading(field: Field, one: Iron, other: Iron) -> float:
-    """Return by how much two calibrations differ in heading, or in all without up, RMS, rad."""
-    up = np.empty((0, 3)) if field.up is None else field.up
-    return float(windows.angle(taken_off(field, one), taken_off(field, other), up))
+def heading(field: Field, one: Array, other: Array) -> float:
+    """Return by how much two fields (n, 3) differ in heading, or in all without up, RMS, rad."""
+    return float(windows.angle(one, other, field.up))
 
 
 def taken_off(field: Field, iron: Iron) -> Array:
@@ -203,27 +196,3 @@ def times(X: Array, by: Array) -> Array:
     """Return X of shape (n, 3, 12) times a vector (12,) or a matrix (12, k)."""
     product: Array = (X.reshape(-1, 12) @ by).reshape(len(X), 3, *by.shape[1:])
     return product
-
-
-def _beginnings(window: Windows) -> Windows:
-    return np.append(np.flatnonzero(np.diff(window, prepend=-1)), len(window))
-
-
-def middle(values: Array) -> float:
-    """Return the upper one of the middle values."""
-    return float(np.partition(values, len(values) // 2)[len(values) // 2])
-
-
-def _numbers(cells: NDArray[np.int64]) -> Windows:
-    """Return the numbers of cells, which rise, from 0 without gaps."""
-    return np.cumsum(np.diff(cells, prepend=cells[:1]) > 0)
-
-
-def _means(values: Array, starts: Windows) -> Array:
-    """Return the mean of (n, 3) over each window."""
-    means: Array = np.add.reduceat(values, starts[:-1], axis=0) / np.diff(starts)[:, np.newaxis]
-    return means
-
-
-def _spread(values: Array) -> float:
-    return float(np.abs(values - middle(values)).mean())
