@@ -104,6 +104,12 @@ def _unaided(plain: Measured, line: Timeline, load: Array, config: Conditioning)
     return smoothing.low_passed(plain, h, line, weight, restart, tau, np.empty_like(plain.body))
 
 
+def _within(line: Timeline, signal: Signal) -> Signal:
+    """Return what there is of a signal while the gyroscope's frame is known."""
+    first, last = np.searchsorted(signal.t, (line.t[0], line.t[-1] + 1))
+    return replace(signal, t=signal.t[first:last], y=signal.y[first:last])
+
+
 def _specific_force(
     recording: Recording, line: Timeline, g: Array, config: Conditioning
 ) -> tuple[Array, Array, Array, list[Note]]:
@@ -112,7 +118,7 @@ def _specific_force(
     Third is by how much the length of the specific force is not gravity's, m/s², (n,).
     """
     settings, aiding = config.specific_force, recording.signals["velocity"]
-    signal, sigma = usable(recording.signals["accel"])[0], settings.smoothing_s
+    signal, sigma = _within(line, usable(recording.signals["accel"])[0]), settings.smoothing_s
     fixed = quaternion.rotate(frame.at(line.t, line.D, signal.t), signal.y)
     level, _ = specific_force.smooth(line.t, signal.t, fixed, sigma)
     length = np.linalg.norm(level, axis=1)

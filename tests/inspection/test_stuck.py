@@ -1,4 +1,4 @@
-"""A magnetometer that stands still, and what only looks like it."""
+"""A sensor that stands still, and what only looks like it."""
 
 from dataclasses import replace
 
@@ -6,22 +6,22 @@ import numpy as np
 import pytest
 from flights import FIELD, at, flight, gyro, recording, resting, seen, stamps
 
-from attest import inspection, pipeline
+from attest import inspection, pipeline, readers, simulation
 from attest.geometry import quaternion
 from attest.observers import fts
 from attest.recording import Signal
 
 
 def told(log):
-    """Return the texts of what is doubted of a magnetometer that stands still."""
+    """Return the texts of what is doubted of a sensor that stands still."""
     return [n.text for n in inspection.doubts(log) if n.doubt and "stands still" in n.text]
 
 
-def with_mag(log, change):
+def with_mag(log, change, name="mag"):
     """Return a log whose magnetometer's values, (j, 3), are changed, given seconds too."""
-    mag = log.signals["mag"]
-    y = change(mag.y, (mag.t - mag.t[0]) * 1e-9)
-    return replace(log, signals={**log.signals, "mag": Signal(mag.t, y, mag.source)})
+    signal = log.signals[name]
+    y = change(signal.y, (signal.t - signal.t[0]) * 1e-9)
+    return replace(log, signals={**log.signals, name: Signal(signal.t, y, signal.source)})
 
 
 def held(y, seconds, since, until):
@@ -38,6 +38,42 @@ def test_a_magnetometer_that_is_stuck_is_told_with_how_long(log):
     first, last = np.searchsorted(s, (24.0, 24.0 + s[-1] / 3.0))
     part = with_mag(log, lambda y, s: held(y, s, s[first], s[last]))
     assert told(part) == [text.format(s[last] - s[first])]
+    assert told(log) == []
+
+
+@pytest.fixture(scope="module")
+def handheld(tmp_path_factory):
+    """Return a log of something that turns about all axes."""
+    path = tmp_path_factory.mktemp("logs") / "handheld.csv"
+    simulation.write(path, simulation.simulate("handheld"))
+    return readers.read(path)
+
+
+def test_an_accelerometer_that_is_stuck_is_told(handheld):
+    stuck = with_mag(handheld, lambda y, s: held(y, s, 20.0, 40.0), "accel")
+    (text,) = told(stuck)
+    assert text.startswith("the accelerometer stands still for ")
+    assert text.endswith("s while the gyroscope turns: it is stuck")
+
+
+@pytest.mark.parametrize("without", [(), ("mag",)])
+def test_a_gyroscope_that_is_stuck_is_told(handheld, without):
+    stuck = with_mag(handheld, lambda y, s: held(y, s, 20.0, 30.0), "gyro")
+    kept = {name: s for name, s in stuck.signals.items() if name not in without}
+    (text,) = told(replace(stuck, signals=kept))
+    assert text.startswith("the gyroscope stands still for 10 s while the other sensors turn")
+
+
+def test_a_turntable_that_no_noise_disturbs_is_not_stuck():
+    rate, t = np.array([0.0, 0.6, 0.8]), stamps(100.0, 60.0)
+    turned = quaternion.exp(np.outer((t - t[0]) * 1e-9, rate))
+    back = quaternion.conjugate(turned)
+    log = recording(
+        {
+            "gyro": Signal(t, np.tile(rate, (len(t), 1)), "gyro"),
+            "mag": Signal(t, quaternion.rotate(back, FIELD), "mag"),
+        }
+    )
     assert told(log) == []
 
 
