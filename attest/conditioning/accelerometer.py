@@ -17,6 +17,9 @@ from attest.recording import Note, Recording, Signal, seconds
 
 Array = NDArray[np.float64]
 
+UNTOLD = "its lag could not be told and is taken as 0"
+CERTAIN = 0.05
+"""Deviation of a lag below which it is not told, s."""
 LOAD = 0.05
 """Share of gravity by which the specific force differs where it is half believed to be gravity."""
 
@@ -104,6 +107,12 @@ def _unaided(plain: Measured, line: Timeline, load: Array, config: Conditioning)
     return smoothing.low_passed(plain, h, line, weight, restart, tau, np.empty_like(plain.body))
 
 
+def _lag(lag: float, deviation: float) -> str:
+    """Return a lag of the velocity as it is told, with how certain it is where that is little."""
+    certain = "" if deviation < CERTAIN else f" ± {deviation:.2f}"
+    return f"{lag:+.2f}{certain} s late"
+
+
 def _within(line: Timeline, signal: Signal) -> Signal:
     """Return what there is of a signal while the gyroscope's frame is known."""
     first, last = np.searchsorted(signal.t, (line.t[0], line.t[-1] + 1))
@@ -124,16 +133,16 @@ def _specific_force(
     length = np.linalg.norm(level, axis=1)
     raw = velocity.compared(aiding, signal.t, fixed, g, 0)
     aiding, notes = velocity.unstuck(aiding, raw)
-    lag, late = settings.lag_s, 0
+    lag, late, told = settings.lag_s, 0, f"{settings.lag_s or 0.0:+.2f} s late, as configured"
     # what cannot be hides the lag, and a wrong lag makes what can be look as if it could not
     for _ in range(2 if lag is None else 0):
         pair, broken, _ = velocity.sound(velocity.compared(aiding, signal.t, fixed, g, late), sigma)
         a_g, _ = velocity.slopes(line.t, pair, broken, sigma)
         at = seconds(line.t, int(line.t[0]))
         found = specific_force.find_lag(at, np.linalg.norm(a_g, axis=1), length)
-        lag, late = found, round((found or 0.0) * SECOND)
+        lag, told = (None, UNTOLD) if found is None else (found[0], _lag(*found))
+        late = round((lag or 0.0) * SECOND)
     late = round((lag or 0.0) * SECOND)
-    told = "its lag could not be told and is taken as 0" if lag is None else f"{lag:+.2f} s late"
     notes.insert(0, Note(f"accelerometer's reference: a - g from {aiding.source} velocity, {told}"))
     pair, broken, left_out = velocity.sound(
         velocity.compared(aiding, signal.t, fixed, g, late), sigma

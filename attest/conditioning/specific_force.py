@@ -19,6 +19,11 @@ REACH = 3.0
 """Standard deviations at which the Gaussian is cut."""
 LAGS = np.arange(-1.0, 1.0001, 0.02)
 """Lags of the velocity that are tried, s."""
+USUAL = 0.15
+"""Lag of a velocity, s, as a standard deviation: receivers and their filters are late by 0.05 to
+0.3 s."""
+ALIKE = 1.0
+"""How long residuals of what is smoothed stay the same, s."""
 ENOUGH = 0.3
 """Standard deviation of |a - g|, m/s², from which the lag can be told."""
 
@@ -92,8 +97,10 @@ def _interpolate(at: Array, x: Array, y: Array) -> Array:
     return np.stack([np.interp(at, x, y[:, axis]) for axis in range(y.shape[1])], axis=1)
 
 
-def find_lag(at: Array, expected: Array, measured: Array) -> float | None:
+def find_lag(at: Array, expected: Array, measured: Array) -> tuple[float, float] | None:
     """Return how late the velocity is, s, from magnitudes, which know no attitude.
+
+    Little motion tells little: what it tells counts by how sure it is, against what is usual.
 
     Parameters
     ----------
@@ -102,8 +109,9 @@ def find_lag(at: Array, expected: Array, measured: Array) -> float | None:
 
     Returns
     -------
-    float or None
-        The lag at which the two fit best; None where the motion is too little to tell.
+    tuple of floats or None
+        The lag at which the two fit best, and its standard deviation; None where the motion is too
+        little to tell.
     """
     good = np.isfinite(expected) & np.isfinite(measured)
     if good.sum() < 20 or expected[good].std() < ENOUGH:
@@ -113,7 +121,13 @@ def find_lag(at: Array, expected: Array, measured: Array) -> float | None:
     best = int(np.argmin(misfit))
     if best in {0, len(LAGS) - 1} or misfit[best] > 0.8 * np.var(target):
         return None
-    return float(LAGS[best] + lowest(misfit[best - 1 : best + 2]) * (LAGS[1] - LAGS[0]))
+    step, three = float(LAGS[1] - LAGS[0]), misfit[best - 1 : best + 2]
+    lag, bend = float(LAGS[best] + lowest(three) * step), float(np.diff(three, 2)[0]) / step**2
+    if bend <= 0.0:
+        return None
+    # of residuals that are the same for so long
+    variance = 2.0 * float(misfit[best]) / (bend * max((x[-1] - x[0]) / ALIKE, 1.0))
+    return lag * USUAL**2 / (USUAL**2 + variance), float(np.sqrt(variance))
 
 
 def lowest(three: Array) -> float:

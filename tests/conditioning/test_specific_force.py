@@ -67,7 +67,22 @@ def test_the_lag_of_the_velocity_is_found(lag):
     expected = np.linalg.norm(force(at(t) - lag), axis=1)
     measured = np.linalg.norm(force(at(t)), axis=1)
     measured += 0.1 * np.random.default_rng(0).normal(size=len(t))
-    assert sf.find_lag(at(t), expected, measured) == pytest.approx(lag, abs=0.02)
+    found, deviation = sf.find_lag(at(t), expected, measured)
+    assert found == pytest.approx(lag, abs=0.02)
+    assert deviation < 0.05
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_lag_that_little_motion_tells_counts_by_how_sure_it_is(seed):
+    t = stamps(50.0, 6.0)
+    force = Turning(period=20.0).specific_force
+    blurred = np.convolve(np.random.default_rng(seed).normal(size=len(t)), np.ones(50) / 15.0)
+    expected = np.linalg.norm(force(at(t) - 0.2), axis=1)
+    found = sf.find_lag(at(t), expected, np.linalg.norm(force(at(t)), axis=1) + blurred[: len(t)])
+    if found is not None:
+        lag, deviation = found
+        assert abs(lag - 0.2) < 3.0 * np.hypot(deviation, sf.USUAL)
+        assert abs(lag) < abs(lag) * (1.0 + (deviation / sf.USUAL) ** 2) <= 1.0
 
 
 def test_the_lag_cannot_be_told_without_motion_or_where_nothing_fits():
