@@ -56,16 +56,18 @@ class Verdict:
 
 def judge(field: Field | None) -> Verdict | str:
     """Return what the samples tell, or why they tell nothing."""
-    if field is None or len(field.spans) < FEWEST or len(field.X) < FEWEST**2:
+    if field is None or len(field.spans) < FEWEST or len(field.c) < FEWEST**2:
         return f"the log has too little of it: {FEWEST} x {iron.WINDOW:g} s are needed"
     hard = iron.fit(field, HARD)
     variance, axes = np.linalg.eigh(hard.covariance)
     seen = axes[:, variance < OBSERVED**2]
     if not seen.shape[1]:
         return "the log's motion does not tell it"
+    basis = HARD
     if seen.shape[1] < 3:
-        hard = iron.fit(field, HARD @ seen, hard.weight)
-    verdicts = [_verdict(field, HARD @ seen, hard)]
+        basis = HARD @ seen
+        hard = iron.fit(field, basis, hard.weight)
+    verdicts = [_verdict(field, basis, hard)]
     whole = iron.fit(field, ALL, hard.weight)
     if np.linalg.eigvalsh(whole.covariance)[-1] < OBSERVED**2:
         verdicts.append(_verdict(field, ALL, whole))
@@ -78,10 +80,11 @@ def judge(field: Field | None) -> Verdict | str:
 def _verdict(field: Field, basis: Array, fit: Fit) -> Verdict:
     """Judge a calibration, found in a basis of the unknowns."""
     found = iron.iron(fit.x, field.strength)
-    told = np.linalg.norm(basis[:3], axis=1) > 0.5  # share of an axis in what is observed
-    variance = np.diag(basis[:3] @ fit.covariance @ basis[:3].T)
+    of_hard = basis[iron.OF_HARD]
+    told = np.linalg.norm(of_hard, axis=1) > 0.5  # share of an axis in what is observed
+    variance = np.diag(of_hard @ fit.covariance @ of_hard.T)
     deviation = np.where(told, field.strength * np.sqrt(variance), np.inf)
-    y = iron.taken_off(field, found)
+    y = iron.taken_off(field, fit.x)
     changed = iron.heading(field, field.before, y)
     if changed < MATTERS:
         against = f"it would change the heading by {np.rad2deg(changed):.1f}° only"
@@ -89,7 +92,7 @@ def _verdict(field: Field, basis: Array, fit: Fit) -> Verdict:
     first = (np.arange(len(field.spans)) // BLOCK) % 2 == 0
     halves = [field.part(chosen) for chosen in (first, ~first)]
     fits = [iron.fit(half, basis, fit.weight) for half in halves]
-    made = [iron.taken_off(field, iron.iron(each.x, field.strength)) for each in fits]
+    made = [iron.taken_off(field, each.x) for each in fits]
     left = np.vstack([_left(half, other) for half, other in zip(halves, made[::-1], strict=True)])
     against = _against(field, y, left, changed, iron.heading(field, *made))
     return Verdict(found, deviation, left, changed, against)
@@ -139,7 +142,7 @@ def given(field: Field | None, told: Iron) -> Note:
     text = f"magnetometer: {described(told)} taken off as configured"
     if field is None:
         return Note(text)
-    y = iron.taken_off(field, told)
+    y = iron.taken_off(field, iron.unknowns(told, field.strength))
     left = _left(field, y)
     scaled = np.median(np.linalg.norm(y, axis=1))
     # only shares of the strength that it makes compare

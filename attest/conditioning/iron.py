@@ -2,11 +2,11 @@
 
 In the frame that the gyroscope integrates, the field of the world stands still: D S (m - h) is
 constant but for the gyroscope's slow drift. Less its mean over each window it is zero, which is
-linear in S h and in S.
+linear in P = [S h, S]: with c = (-1, m) the field is D P c.
 
 Symbols: D rotation from the body to the gyroscope's frame; m the magnetometer in the body, as a
 share of the field's strength; h hard iron; S soft iron, symmetric with the trace 3, so that the
-strength stays; x = (S h, S by rows); X what the field in the gyroscope's frame is of it, X x.
+strength stays; x = P by rows, 12 unknowns; X what the field in the gyroscope's frame is of x, X x.
 """
 
 from dataclasses import dataclass, replace
@@ -14,12 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from attest.conditioning import frame, windows
-from attest.conditioning.measured import Measured, unit
-from attest.conditioning.rows import first_of_cells
+from attest.conditioning import frame, iron_fit, windows
+from attest.conditioning.measured import Measured
+from attest.conditioning.rows import first_of_cells, median
 from attest.conditioning.timeline import SECOND, Timeline
 from attest.conditioning.windows import Windows
-from attest.geometry import quaternion
 from attest.recording import Signal
 
 Array = NDArray[np.float64]
@@ -32,19 +31,28 @@ SPACING = 0.2
 """Least time between the samples that are used, s."""
 ROUNDS, LAST_ROUNDS = 5, 3
 """Of weighting, which settles in fewer; and from weights that are nearly known."""
-HARD = np.eye(12, 3)
+
+
+def _joined(of_hard: Array, soft: Array) -> Array:
+    """Return x of S h (3,) and S (3, 3)."""
+    return np.column_stack([of_hard, soft]).ravel()
+
+
+HARD = np.eye(12)[:, ::4]
 """Basis of the changes that hard iron makes of x."""
+OF_HARD = slice(None, None, 4)
+"""Of x, what is S h."""
 _R2, _R6 = np.sqrt(0.5), np.sqrt(1.0 / 6.0)
 _SHAPES = np.array(
     [
-        [_R2, 0, 0, 0, -_R2, 0, 0, 0, 0],
-        [_R6, 0, 0, 0, _R6, 0, 0, 0, -2.0 * _R6],
-        [0, _R2, 0, _R2, 0, 0, 0, 0, 0],
-        [0, 0, _R2, 0, 0, 0, _R2, 0, 0],
-        [0, 0, 0, 0, 0, _R2, 0, _R2, 0],
+        [[_R2, 0, 0], [0, -_R2, 0], [0, 0, 0]],
+        [[_R6, 0, 0], [0, _R6, 0], [0, 0, -2.0 * _R6]],
+        [[0, _R2, 0], [_R2, 0, 0], [0, 0, 0]],
+        [[0, 0, _R2], [0, 0, 0], [_R2, 0, 0]],
+        [[0, 0, 0], [0, 0, _R2], [0, _R2, 0]],
     ]
 )
-ALL = np.hstack([HARD, np.vstack([np.zeros((3, 5)), _SHAPES.T])])
+ALL = np.column_stack([HARD, *(_joined(np.zeros(3), shape) for shape in _SHAPES)])
 """Of those that hard and soft iron make: S stays symmetric, and its trace."""
 
 
@@ -71,8 +79,10 @@ NONE = Iron(np.zeros(3), np.eye(3))
 class Field:
     """Samples of a magnetometer, and the field in the frame that the gyroscope integrates."""
 
-    X: Array
-    """Shape (n, 3, 12)."""
+    D: Array
+    """By rows, shape (n, 9)."""
+    c: Array
+    """Shape (n, 4)."""
     before: Array
     """With no iron taken off, as shares of the strength, shape (n, 3)."""
     strength: float
@@ -121,21 +131,20 @@ def field(line: Timeline, mag: Signal, vertical: Measured | None) -> Field | Non
     cells = (t - t[0]) // round(WINDOW * SECOND)
     starts = np.flatnonzero(np.diff(cells, prepend=-1))
     spans = np.stack([starts, np.append(starts[1:], len(t))], axis=1)
-    strength = float(np.median(np.linalg.norm(y, axis=1)))
-    X, before = np.empty((len(y), 3, 12)), np.empty((len(y), 3))
-    windows.columns(frame.at(line.t, line.D, t), y / strength, X, before)
-    return Field(X, before, strength, spans, _up(line, t, vertical, spans))
+    strength = float(median(np.linalg.norm(y, axis=1)))
+    D, c, before = np.empty((len(t), 9)), np.empty((len(t), 4)), np.empty((len(t), 3))
+    windows.samples(frame.at(line.t, line.D, t), y / strength, D, c)
+    iron_fit.made(D, c, unknowns(NONE), before)
+    return Field(D, c, before, strength, spans, _up(line, t, vertical, spans))
 
 
 def _up(line: Timeline, t: NDArray[np.int64], vertical: Measured | None, spans: Windows) -> Array:
     """Return the mean of the vertical over the window of each time, in the frame, (n, 3)."""
     if vertical is None:
         return np.empty((0, 3))
-    near = frame.nearest(line.t, t)[0]
-    length = np.where(vertical.valid[near], vertical.length[near], 0.0)
-    fixed = quaternion.rotate(line.D[near], length[:, np.newaxis] * vertical.body[near])
-    # the sum's direction is the mean's
-    return np.repeat(unit(np.add.reduceat(fixed, spans[:, 0])), np.diff(spans)[:, 0], axis=0)
+    mean, length = np.empty((len(t), 3)), np.where(vertical.valid, vertical.length, 0.0)
+    windows.up((line.t, line.D), (vertical.body, length), t, spans, mean)
+    return mean
 
 
 def fit(field: Field, basis: Array, weight: Array | None = None) -> Fit:
@@ -144,24 +153,24 @@ def fit(field: Field, basis: Array, weight: Array | None = None) -> Fit:
     The covariance is widened by how much the windows scatter, for errors within one are of one
     sort.
     """
-    k = basis.shape[1]
-    inverse, z = np.empty((k, k)), np.empty(k)
+    G, k = np.column_stack([basis, unknowns(NONE)]), basis.shape[1]
+    x, inverse = np.empty(12), np.empty((k, k))
     rounds = ROUNDS if weight is None else LAST_ROUNDS
-    weight = np.ones(len(field.X)) if weight is None else weight.copy()
-    Z = times(field.X, basis)
-    scatter = windows.fit(Z, field.before, field.spans, rounds, weight, inverse, z)
-    return Fit(unknowns(NONE) + basis @ z, scatter * inverse, weight)
+    weight = np.ones(len(field.c)) if weight is None else weight.copy()
+    scatter = iron_fit.fit(field.D, field.c, field.spans, G, rounds, weight, x, inverse)
+    return Fit(x, scatter * inverse, weight)
 
 
 def iron(x: Array, strength: float) -> Iron:
     """Return what the unknowns stand for."""
-    soft = x[3:].reshape(3, 3)
-    return Iron(np.asarray(strength * np.linalg.solve(soft, x[:3]), np.float64), soft)
+    P = x.reshape(3, 4)
+    soft = P[:, 1:]
+    return Iron(np.asarray(strength * np.linalg.solve(soft, P[:, 0]), np.float64), soft)
 
 
 def unknowns(iron: Iron, strength: float = 1.0) -> Array:
     """Return the unknowns of an iron."""
-    return np.concatenate([iron.soft @ iron.hard / strength, np.ravel(iron.soft)])
+    return _joined(iron.soft @ iron.hard / strength, iron.soft)
 
 
 def misfits(field: Field, y: Array, edges: Windows) -> Array:
@@ -187,12 +196,8 @@ def heading(field: Field, one: Array, other: Array) -> float:
     return float(windows.angle(one, other, field.up))
 
 
-def taken_off(field: Field, iron: Iron) -> Array:
-    """Return the field less the iron in the frame, as shares of the strength, (n, 3)."""
-    return times(field.X, unknowns(iron, field.strength))
-
-
-def times(X: Array, by: Array) -> Array:
-    """Return X of shape (n, 3, 12) times a vector (12,) or a matrix (12, k)."""
-    product: Array = (X.reshape(-1, 12) @ by).reshape(len(X), 3, *by.shape[1:])
-    return product
+def taken_off(field: Field, x: Array) -> Array:
+    """Return the field in the frame that x makes, as shares of the strength, (n, 3)."""
+    y = np.empty((len(field.c), 3))
+    iron_fit.made(field.D, field.c, x, y)
+    return y

@@ -3,7 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from attest.geometry import earth
+from attest.conditioning.rows import median
+from attest.geometry import earth, so3
+from attest.geometry.jit import kernel
 from attest.recording import Note, Recording, World
 
 Array = NDArray[np.float64]
@@ -63,8 +65,16 @@ def dip_of_log(accel: Array, mag: Array, valid: NDArray[np.bool_]) -> float | No
     if not few:
         return None
     chosen = np.arange(0, len(valid), few) if valid.all() else np.flatnonzero(valid)[::few]
-    down = -np.sum(accel[chosen] * mag[chosen], axis=1)
-    return float(np.arcsin(np.clip(np.median(down), -1.0, 1.0)))
+    down = np.empty(len(chosen))
+    _down(accel, mag, chosen, down)
+    return float(np.arcsin(np.clip(median(down), -1.0, 1.0)))
+
+
+@kernel
+def _down(accel: Array, mag: Array, chosen: NDArray[np.intp], down: Array) -> None:
+    """Fill down (k,) with how far unit fields at chosen rows point against unit forces."""
+    for k in range(len(chosen)):
+        down[k] = -so3.dot(so3.row(accel, chosen[k]), so3.row(mag, chosen[k]))
 
 
 def with_dip(field_w: Array, dip: float, world: World) -> Array:

@@ -1,5 +1,6 @@
 """What is asked of every row of an (n, 3) array, without arrays between."""
 
+from itertools import accumulate, pairwise
 from math import prod, sqrt
 
 import numpy as np
@@ -17,9 +18,9 @@ def together(*shapes: tuple[int, ...]) -> list[Array]:
     What is large comes in large pages, and is kept for the next log: a page costs the system
     microseconds, as much as it takes to fill it.
     """
-    ends = np.cumsum([prod(shape) for shape in shapes])
-    pieces = np.split(np.empty(ends[-1]), ends[:-1])
-    return [piece.reshape(shape) for piece, shape in zip(pieces, shapes, strict=True)]
+    ends = [0, *accumulate(prod(shape) for shape in shapes)]
+    memory = np.empty(ends[-1])
+    return [memory[a:b].reshape(its) for (a, b), its in zip(pairwise(ends), shapes, strict=True)]
 
 
 def largest(y: Array) -> Array:
@@ -113,3 +114,34 @@ def times_since(t: Stamps, restart: NDArray[np.bool_]) -> Array:
     h = np.empty(len(t))
     since(t, restart, h)
     return h
+
+
+@kernel
+def middle(values: Array) -> float:
+    """Return the upper one of the middle values, NaN among which are not found."""
+    left, n, k = values.copy(), len(values), len(values) // 2
+    while True:
+        pivot, below, same = left[n // 2], 0, 0
+        for i in range(n):
+            below += left[i] < pivot
+            same += left[i] == pivot
+        if below <= k < below + same or not same:
+            return float(pivot)
+        # those on the side that has it are kept: without a branch that cannot be foreseen
+        larger, kept = k >= below, 0
+        for i in range(n):
+            value = left[i]
+            left[kept] = value
+            kept += (value > pivot) if larger else (value < pivot)
+        k, n = (k - below - same, kept) if larger else (k, kept)
+
+
+@kernel
+def median(values: Array) -> float:
+    """Return the median."""
+    upper, lower, below = middle(values), -np.inf, 0
+    for value in values:
+        if value < upper:
+            lower, below = max(lower, value), below + 1
+    whole = len(values) % 2 == 0 and below == len(values) // 2
+    return 0.5 * (lower + upper) if whole else upper
