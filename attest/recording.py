@@ -136,5 +136,5 @@ class Recording:
 def _check_clock(name: str, t: NDArray[np.int64], y: NDArray[np.float64]) -> None:
     if t.dtype != np.int64 or y.ndim != 2 or len(t) != len(y):
         raise ReadError(f"{name}: {t.dtype} stamps {t.shape} for values {y.shape}")
-    if (late := np.flatnonzero(np.diff(t) <= 0)).size:
-        raise ReadError(f"{name}: time does not advance after sample {late[0]}")
+    if (late := t[1:] <= t[:-1]).any():
+        raise ReadError(f"{name}: time does not advance after sample {np.argmax(late)}")

@@ -59,11 +59,11 @@ def calibrate(recording: Recording, config: Configuration) -> dict[str, Any]:
     into = (at, bias, deviation, over)
     rates, _ = gyroscope.rates(recording, gyro, restart, substeps, how, into)
     h = times_since(gyro.t, restart)
-    still = gyroscope.resting(recording, gyro, restart, h)
+    rest = gyroscope.resting(recording, gyro, restart, h)
     why = gyroscope.unfit(recording, gyro, h, how.max_step_s)
     found = {
         "gyroscope": _gyroscope(rates.known, how, why or "for want of turns"),
-        "accelerometer": _accelerometer(None if still is None else attitudes.find(*still)),
+        "accelerometer": _accelerometer(None if rest is None else attitudes.find(rest[0], rest[2])),
     }
     recording, line = apart(recording, replace(gyro, y=rates.at), rates.mean, restart)
     found["magnetometer"] = _magnetometer(recording, line, how)

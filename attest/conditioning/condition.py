@@ -199,7 +199,7 @@ def _measure(
             f"vectors: {vector.signal!r} cannot have the reference {reference or 'null'!r}. "
             "Give it a constant [x, y, z] in the world."
         )
-    stale = len(line.t) - int(measured.valid.sum())
+    stale = len(line.t) - int(np.count_nonzero(measured.valid))
     if stale:
         text = f"step without a sample of {vector.signal!r} within {config.max_age_s:g} s"
         notes.append(Note(text, stale, doubt=stale > 0.1 * len(line.t)))

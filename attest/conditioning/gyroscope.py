@@ -96,10 +96,11 @@ def scale_of(known: Array | None, config: Conditioning) -> Array | None:
 
 def resting(
     recording: Recording, gyro: Signal, restart: Mask, h: Array
-) -> tuple[Array, Mask] | None:
-    """Return the specific force at the gyroscope's stamps, (n, 3), and where the body is at rest.
+) -> tuple[Array, Array, Mask] | None:
+    """Return specific force and field at the gyroscope's stamps, and where the body is at rest.
 
-    None where the log has too little of an accelerometer; h is the time from the sample before.
+    Both (n, 3); the field without rows where there is too little of it. None where the log has too
+    little of an accelerometer; h is the time from the sample before.
     """
     if "accel" not in recording.signals:
         return None
@@ -107,7 +108,7 @@ def resting(
     if len(accel.t) < drift.FEWEST:
         return None
     force, field = _at(gyro.t, accel), _field(recording, gyro)
-    return force, rested(h, gyro.y, force, restart, field)
+    return force, field, rested(h, gyro.y, force, restart, field)
 
 
 def _corrected(
@@ -126,9 +127,10 @@ def _corrected(
     told = resting(recording, gyro, restart, h) if settings.correct else None
     if told is None:
         return _as_given(gyro, known[0]), []
-    force, still = told
-    standing = _still(recording, gyro, force, h, config.max_step_s)
-    found = drift.follow(h, gyro.y, *standing, still, restart, known, into)
+    force, field, still = told
+    if unfit(recording, gyro, h, config.max_step_s) is not None:  # only rest tells
+        force = field = np.empty((0, 3))
+    found = drift.follow(h, gyro.y, force, field, still, restart, known, into)
     at = found.rate
     rates = Rates(at, at, at, found.bias, found.known, found.deviation)
     return rates, [_told(still, known, found.known, found.bias[-1])]
@@ -157,15 +159,6 @@ def unfit(recording: Recording, gyro: Signal, h: Array, max_step: float) -> str 
     if smoothing.longest_memory(h, gyro.y, max_step) < drift_sums.WINDOW:
         return "as the gyroscope is too slow for its motion"
     return None
-
-
-def _still(
-    recording: Recording, gyro: Signal, force: Array, h: Array, max_step: float
-) -> tuple[Array, Array]:
-    """Return what stands still in the world on average, force and field, (n, 3) or (0, 3)."""
-    if unfit(recording, gyro, h, max_step) is not None:
-        return np.empty((0, 3)), np.empty((0, 3))
-    return force, _field(recording, gyro)
 
 
 def _field(recording: Recording, gyro: Signal) -> Array:

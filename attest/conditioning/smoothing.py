@@ -115,7 +115,7 @@ def longest_memory(h: Array, gyro: Array, max_step: float) -> float:
 def _told(sensor: str, tau: Array, wanted: float) -> Note:
     least, most = float(tau.min()), float(tau.max())
     frame = "in the frame that the gyroscope integrates"
-    if np.mean(tau < LESS * most) < MENTIONED:
+    if np.count_nonzero(tau < LESS * most) < MENTIONED * len(tau):
         text = f"{sensor} low-passed over {most:.2g} s {frame}"
         short = f", not {wanted:g} s: the gyroscope is too slow for its motion, or its bias unknown"
         return Note(text + (short if most < wanted else ""))
