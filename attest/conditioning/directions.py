@@ -179,13 +179,12 @@ def belief(
         step = h[i] if h[i] > 0.0 else 1e-3
         cosine = so3.dot(so3.row(mag, i), so3.row(up, i)) if len(up) else 0.0
         now = (length[i] * cosine, length[i] * sqrt(max(0.0, 1.0 - cosine * cosine)))
-        strange2 = _strange2(now, usual, scale)
-        out[i] = 1.0 if known < START else 1.0 / (1.0 + strange2)
+        out[i] = 1.0 if known < START else _believed(now, usual, scale)
         known += step
         share = step / known if known < START else step / MEMORY * max(out[i], LEAST)
         usual = _nearer(usual, now, min(1.0, share))
         other = _nearer(other, now, min(1.0, step / OTHER))
-        if out[i] > HALF or _strange2(now, other, scale) > 1.0:
+        if out[i] > HALF or _believed(now, other, scale) < HALF:
             steady = 0.0
         elif so3.dot(so3.row(gyro, i), so3.row(gyro, i)) > MOVES * MOVES:
             steady += step
@@ -194,11 +193,12 @@ def belief(
 
 
 @kernel
-def _strange2(field: Pair, usual: Pair, scale: float) -> float:
-    """Return the square of how far a field is from the usual one, in scales of its strength."""
+def _believed(field: Pair, usual: Pair, scale: float) -> float:
+    """Return 1/(1 + d²), d how far a field is from the usual one, in scales of its strength."""
     along, across = field[0] - usual[0], field[1] - usual[1]
     strength2 = usual[0] * usual[0] + usual[1] * usual[1]
-    return (along * along + across * across) / max(strength2 * scale * scale, 1e-300)
+    half2 = max(scale * scale * strength2, 1e-300)
+    return half2 / (half2 + along * along + across * across)
 
 
 @kernel
