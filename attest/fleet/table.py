@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from attest.errors import printable
 from attest.fleet.words import (
     ANEW,
     chance_in_words,
@@ -45,7 +46,7 @@ def text_of_fleet(document: Mapping[str, Any], written: Sequence[Path]) -> str:
     if written:
         names = " ".join(path.name for path in written)
         lines += ["", f"  written     {written[0].parent}/  {names}"]
-    return "\n".join(lines)
+    return "\n".join(printable(line) for line in lines)
 
 
 def _changes(document: Mapping[str, Any]) -> Iterator[dict[str, str]]:

@@ -5,6 +5,7 @@ from textwrap import wrap
 from typing import Any
 
 from attest.config import Configuration, dump
+from attest.errors import printable
 from attest.report.info import shown, text_of_notes
 
 WIDTH = 100
@@ -25,9 +26,4 @@ def text_of_calibration(document: Mapping[str, Any], configuration: Configuratio
     if not any("configuration" in sensor for sensor in document["sensors"].values()):
         lines.append("# Nothing of it is to be applied: the configuration is as it was")
     lines += [f"#{line}" for line in text_of_notes({"notes": [], **document}) if line]
-    return "\n".join([*map(_printable, lines), dump(configuration)])
-
-
-def _printable(line: str) -> str:
-    """Replace what would end a comment, such as a line break in a name."""
-    return "".join(c if c.isprintable() else "?" for c in line)
+    return "\n".join([*map(printable, lines), dump(configuration)])

@@ -8,6 +8,7 @@ from typing import Any
 import attest
 from attest import config
 from attest.config import Configuration
+from attest.errors import printable
 from attest.tuning.knobs import Values, points_of
 from attest.tuning.plan import SHORT, Errors, Tuned
 
@@ -21,7 +22,7 @@ UNLIKE = 10.0
 
 def yaml_of_tuning(tuned: Tuned, configuration: Configuration) -> str:
     """Return a configuration to run with, and in its head what it is worth."""
-    head = "".join(f"# {_printable(line)}\n" for line in _head(tuned, configuration))
+    head = "".join(f"# {printable(line)}\n" for line in _head(tuned, configuration))
     return head + config.dump(tuned.configuration(configuration))
 
 
@@ -83,7 +84,7 @@ def text_of_tuning(tuned: Tuned, configuration: Configuration) -> str:
         f"  {_verdict(tuned)}",
         *(f"  ! {warning}" for warning in _warnings(tuned)),
     ]
-    return "\n".join(map(_printable, lines))
+    return "\n".join(map(printable, lines))
 
 
 def _head(tuned: Tuned, configuration: Configuration) -> Iterator[str]:
@@ -170,8 +171,3 @@ def _shown(values: Values) -> str:
 
 def _plain(values: Values) -> float | list[float]:
     return values[0] if len(values) == 1 else list(values)
-
-
-def _printable(line: str) -> str:
-    """Replace what would end a line or a comment, such as a line break in a file's name."""
-    return "".join(c if c.isprintable() else "?" for c in line)

@@ -51,6 +51,17 @@ def test_it_tells_what_changed_first(moved, tmp_path):
     assert (tmp_path / "fleet.html").exists()
 
 
+def test_names_that_would_command_the_terminal_are_spelt_out(tmp_path):
+    rows = summaries.steady(12, "a\x1b]0;pwned\x07b")
+    for row in rows:
+        row["observer"] = "f\x1b[2Jts"
+    found = attest(summaries.write(tmp_path / "odd", rows), "--output", tmp_path / "out")
+    assert found.returncode == 0
+    assert "\x1b" not in found.stdout
+    assert "a\\x1b]0;pwned\\x07b" in found.stdout
+    assert "f\\x1b[2Jts" in found.stdout
+
+
 def test_json_is_the_document(moved, tmp_path):
     found = attest(moved, "--json", "--until", "2026-01-12", "--output", tmp_path)
     document = json.loads(found.stdout)
