@@ -24,7 +24,6 @@ MOST = 2000
 """Rows that a browser sorts at once; the summary has them all."""
 ERRORS = ("total", "heading", "inclination")
 COLUMNS: Mapping[str, str] = {
-    "path": "log",
     "observer": "observer",
     "status": "status",
     **{f"{error}_rmse_deg": f"{error} RMSE °" for error in ERRORS},
@@ -97,7 +96,7 @@ def _page(seen: Seen) -> Iterator[str]:
         title += f"RMSE of {counted(len(values), 'log')}"
         yield f"<figure><figcaption>{escape(utf8(title))}</figcaption>{histogram(values)}</figure>"
     yield f"<h2>{_title(len(worst), total)}</h2>"
-    heads = "".join(f"<th>{head}</th>" for head in (*COLUMNS.values(), "results"))
+    heads = "".join(f"<th>{head}</th>" for head in ("log", "results", *COLUMNS.values()))
     yield f"<table><thead><tr>{heads}</tr></thead><tbody>\n"
     base = common([str(Path(row["path"]).parent) for row in worst])
     for row in worst:
@@ -123,14 +122,14 @@ def _best_last(row: Row) -> tuple[bool, bool, float]:
 
 def _line(row: Row, base: str | None) -> str:
     values = flat(row)
-    cells = [_cell(name, values[name]) for name in COLUMNS if name != "path"]
+    cells = [_cell(name, values[name]) for name in COLUMNS]
     path = escape(utf8(row["path"] if base is None else os.path.relpath(row["path"], base)))
-    error = values["error"] or values["warnings"]
-    more = f"<br><small>{escape(error)}</small>" if error else ""
+    told = (values["error"] or values["warnings"] or "").removeprefix(f"{values['path']}: ")
+    more = f"<small>{escape(told)}</small>" if told else ""
     links = " ".join(_link(row["folder"], name) for name in row["outputs"])
     bad = "" if row["status"] == "ok" else ' class="bad"'
     first = f'<td class="path" data-v="{path}">{path}{more}</td>'
-    return f"<tr{bad}>{first}{''.join(cells)}<td>{links}</td></tr>\n"
+    return f"<tr{bad}>{first}<td>{links}</td>{''.join(cells)}</tr>\n"
 
 
 def _cell(name: str, value: object) -> str:

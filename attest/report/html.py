@@ -14,6 +14,7 @@ th, td { padding: .25em .6em; border-bottom: 1px solid var(--line); text-align: 
 th { cursor: pointer; position: sticky; top: 0; background: var(--head); white-space: nowrap }
 td.n { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap }
 td.path { overflow-wrap: anywhere; min-width: 14em }
+td.path small { display: block; min-width: 30em }
 tr.bad td { background: var(--bad) }
 small { color: var(--faint) }
 figure { display: inline-block; margin: 0 2em 1em 0; vertical-align: top }
