@@ -20,14 +20,14 @@ from attest import (
     writers,
 )
 from attest.config import Configuration
-from attest.errors import AttestError, ConfigError, ReadError
+from attest.errors import AttestError, ConfigError
 from attest.estimates import Estimates
 from attest.metrics import Metrics
 from attest.observers.observer import Observer
 from attest.readers import reference_file
 from attest.readers.options import ReadOptions
 from attest.recording import Note, Recording, Reference
-from attest.result import Result, ranked
+from attest.result import Result
 from attest.samples import Samples
 
 OnStage = Callable[[str], None]
@@ -108,43 +108,6 @@ def _smoothed(
     return replace(recording, references=made, notes=(*recording.notes, *told))
 
 
-def inspect(
-    log: Path, configuration: Configuration, options: Sequence[str] = ()
-) -> tuple[Recording, dict[str, Any]]:
-    """Read a log, and describe what is in it and whether it can answer.
-
-    The options are those that the command to run it will need.
-    """
-    recording = doubted(read(log, configuration))
-    recording = replace(
-        recording, notes=(*recording.notes, *_conditioning_doubts(recording, configuration))
-    )
-    described, inspected = report.describe(recording), inspection.inspect(recording)
-    for name, figures in inspected.pop("signals").items():
-        described["signals"][name] |= figures
-    told = {
-        "default_reference": next(iter(recording.references), None),
-        "command": inspection.command(recording, options),
-    }
-    return recording, described | inspected | told
-
-
-def _conditioning_doubts(recording: Recording, configuration: Configuration) -> list[Note]:
-    """Return what a run would doubt before any observer sees the log, or why it would refuse it."""
-    if "gyro" not in recording.signals:  # of which the command tells
-        return []
-    try:
-        samples, notes = conditioning.condition(recording, configuration)
-        wanted = configuration.evaluation
-        if wanted.reference != SMOOTHER or SMOOTHER in recording.references:
-            reference = evaluation.choose(recording, wanted.reference)
-            notes += evaluation.unshared(samples.t, reference, wanted)
-    except AttestError as error:
-        why = str(error).removeprefix(f"{recording.path}: ")
-        return [Note(f"a run would refuse this log: {why}", doubt=True)]
-    return [note for note in notes if note.doubt]
-
-
 def doubted(recording: Recording) -> Recording:
     """Add what in a recording cannot be to its notes."""
     return replace(recording, notes=(*recording.notes, *inspection.doubts(recording)))
@@ -208,9 +171,7 @@ def observe(
             log.conditioned[how] = conditioning.condition(log.recording, configuration)
     if not compiled:
         _compile(log.conditioned[how][0], configuration)
-    result = _observe(
-        log.recording, log.conditioned[how], log.reference, configuration, timing, on_stage
-    )
+    result = _observe(log, log.conditioned[how], configuration, timing, on_stage)
     if label is not None:
         result = replace(result, estimates=replace(result.estimates, observer=label))
     return replace(result, summary=report.summarise(result, timing))
@@ -229,53 +190,6 @@ def run(log: Path, configuration: Configuration, on_stage: OnStage | None = None
     return observe(opened(log, configuration, on_stage), configuration, on_stage)
 
 
-def compare(
-    log: Path, configurations: Mapping[str, Configuration], on_stage: OnStage | None = None
-) -> tuple[list[Result], dict[str, str]]:
-    """Run several observers, by label, over one log that is read once.
-
-    Returns
-    -------
-    results
-        Of those that could run, the best first; their labels stand for the observers' names.
-    failed
-        Of the others, why not.
-
-    Raises
-    ------
-    ReadError
-        The log cannot be used, or by none of them.
-    ConfigError
-        The configurations read or score the log in different ways, or the log lacks the reference.
-    """
-    config.refuse_unlike(configurations)
-    read_once = opened(log, _first(configurations), on_stage)
-    results: list[Result] = []
-    failed: dict[str, str] = {}
-    for label, configuration in configurations.items():
-        if _is_itself(read_once.reference, configuration):
-            failed[label] = "is the reference, and not ranked against itself"
-            continue
-        try:
-            results.append(observe(read_once, configuration, on_stage, label=label, compiled=False))
-        except AttestError as error:
-            failed[label] = str(error)
-    if not results:
-        raise ReadError(f"{log}: no observer could run. {next(iter(failed.values()))}")
-    return ranked(results), failed
-
-
-def _first(configurations: Mapping[str, Configuration]) -> Configuration:
-    """Return the first that the smoother may be the reference of, by whose sensors it then goes."""
-    every = list(configurations.values())
-    return next((each for each in every if each.observer != SMOOTHER), every[0])
-
-
-def _is_itself(reference: Reference | None, configuration: Configuration) -> bool:
-    made = reference is not None and reference.kind == SMOOTHER
-    return made and configuration.observer == SMOOTHER
-
-
 def _compile(samples: Samples, configuration: Configuration) -> None:
     """Run the observer over a few steps, so that its compilation is not counted as its time."""
     n = len(samples.t)
@@ -290,9 +204,8 @@ def _compile(samples: Samples, configuration: Configuration) -> None:
 
 
 def _observe(
-    recording: Recording,
+    log: Opened,
     conditioned: Conditioned,
-    reference: Reference | None,
     configuration: Configuration,
     timing: dict[str, float],
     on_stage: OnStage | None,
@@ -305,20 +218,20 @@ def _observe(
         notes += observer.notes(samples, estimates, configuration)
     with _stage("evaluating", timing, on_stage):
         metrics, scored = evaluation.evaluate(
-            samples, estimates, reference, configuration.evaluation
+            samples, estimates, log.reference, configuration.evaluation
         )
         estimates = _with_lyapunov(observer, configuration, estimates, metrics)
         claims = evaluation.attest(samples, estimates, metrics, configuration, whole=observer.whole)
         if observer.promises is not None:
             claims += observer.promises(samples, estimates, configuration)
     return Result(
-        recording=recording,
+        recording=log.recording,
         samples=samples,
         estimates=estimates,
-        reference=reference,
+        reference=log.reference,
         metrics=metrics,
         configuration=config.effective(configuration),
-        notes=(*recording.notes, *notes, *scored),
+        notes=(*log.recording.notes, *notes, *scored),
         summary={},
         claims=claims,
     )

@@ -30,7 +30,7 @@ import mutations
 import numpy as np
 import ros_logs
 
-from attest import pipeline, readers, report, simulation
+from attest import pipeline, preview, readers, report, simulation
 from attest.errors import AttestError
 from attest.readers import reference_file
 from attest.readers.options import ReadOptions
@@ -161,7 +161,7 @@ def _outcome(what, *given):
 
 def _described_and_run(path, reader):
     names = ("fts", "docking") if reader in {"csv", "ros"} else ("fts",)
-    recording, described = pipeline.inspect(path, _configuration("fts"))
+    recording, described = preview.describe(path, _configuration("fts"))
     result = pipeline.run(path, _configuration(names["gyro" not in recording.signals]))
     told = [report.text_of_info(described), report.text_of_run(result.summary, ())]
     if not all(line.isprintable() for text in told for line in text.splitlines()):

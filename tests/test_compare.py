@@ -12,7 +12,7 @@ from results import result
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from attest import pipeline, report
+from attest import comparison, pipeline, report
 from attest.cli.labels import labelled as labels
 from attest.errors import ConfigError, ReadError
 from attest.result import ranked
@@ -140,7 +140,7 @@ def test_one_observer_is_no_comparison(sample_logs):
 def test_a_missing_log_and_an_unknown_observer_are_one_line(tmp_path):
     cgo = {"cgo": pipeline.configure("cgo")}
     with pytest.raises(ReadError, match="no such file"):
-        pipeline.compare(tmp_path / "gone.tlog", cgo)
+        comparison.compare(tmp_path / "gone.tlog", cgo)
     with pytest.raises(ConfigError, match="ftz"):
         pipeline.configure("ftz")
 
@@ -149,7 +149,7 @@ def test_without_a_reference_the_order_is_that_of_consistency(sample_logs):
     configurations = {
         name: pipeline.configure(name, ["evaluation.reference=none"]) for name in NAMES
     }
-    results, _ = pipeline.compare(sample_logs / "quadcopter.tlog", configurations)
+    results, _ = comparison.compare(sample_logs / "quadcopter.tlog", configurations)
     costs = [float(np.mean(result.estimates.cost)) for result in results]
     assert costs == sorted(costs)
     assert ranked(results) == results
@@ -222,7 +222,7 @@ def test_what_is_not_scored_comes_last():
 def test_what_would_not_compare_is_refused(sample_logs, key):
     unlike = {"fts": pipeline.configure("fts"), "mine": pipeline.configure("fts", [key])}
     with pytest.raises(ConfigError, match=f"'{key.split('=')[0]}' is None of fts"):
-        pipeline.compare(sample_logs / "quadcopter.tlog", unlike)
+        comparison.compare(sample_logs / "quadcopter.tlog", unlike)
 
 
 def test_unknown_reference_is_wrong_usage(sample_logs):
@@ -243,7 +243,7 @@ def test_log_is_read_once_and_conditioned_once_for_all_that_agree(sample_logs, m
         )
     other = pipeline.configure("cgo", ["conditioning.max_step_s=0.02"])
     given = {name: pipeline.configure(name) for name in ("cgo", "mekf", "wahba")} | {"slow": other}
-    pipeline.compare(sample_logs / "quadcopter.tlog", given)
+    comparison.compare(sample_logs / "quadcopter.tlog", given)
     assert calls == ["read", "condition", "condition"]
 
 
@@ -303,7 +303,7 @@ def test_costs_of_different_weights_are_said_not_to_compare(sample_logs):
         "cgo": pipeline.configure("cgo", [none]),
         "other": pipeline.configure("cgo", [none, "weights.k=[3.0, 2.0, 1.0]"]),
     }
-    results, _ = pipeline.compare(sample_logs / "quadcopter.tlog", given)
+    results, _ = comparison.compare(sample_logs / "quadcopter.tlog", given)
     assert "their costs do not compare" in report.text_of_ranking(report.rank(results, {}), [])
 
 

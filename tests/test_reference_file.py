@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from ros_logs import KINDS, Log
 from ros_logs import START as ROS_START
 
-from attest import pipeline
+from attest import comparison, pipeline
 from attest.errors import ConfigError, ReadError
 from attest.geometry import quaternion
 
@@ -222,6 +222,6 @@ def test_run_and_compare_score_against_a_file(tmp_path):
     assert result.summary["reference"]["name"] == "truth.txt"
     assert result.metrics.total.max < 1e-3
     both = {"gyro": by_file, "triad": pipeline.configure("triad", [*wanted, file])}
-    results, failed = pipeline.compare(path, both)
+    results, failed = comparison.compare(path, both)
     assert not failed
     assert {r.reference.name for r in results} == {"truth.txt"}

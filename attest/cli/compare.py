@@ -62,7 +62,7 @@ def compare(
     **choices: Any,
 ) -> None:
     """Run several observers over one log: one MCAP, one Rerun recording, one ranked table."""
-    from attest import pipeline, report
+    from attest import comparison, pipeline, report
     from attest.writers import folders
 
     if len(observers) < 2:
@@ -73,7 +73,7 @@ def compare(
     }
     path = _only(log, next(iter(configurations.values())).input.csv)
     with progress(path.name, quiet=quiet, stages=3 * len(configurations) + 2) as on_stage:
-        results, failed = pipeline.compare(path, configurations, on_stage)
+        results, failed = comparison.compare(path, configurations, on_stage)
         document = report.rank(results, failed)
         folder = folders.folder_for(results[0], output, [path])
         written = pipeline.write(results, folder, on_stage, document)

@@ -46,7 +46,7 @@ def info(
     as_json: bool,
 ) -> None:
     """Tell whether a log can answer: signals, what they are worth, clocks, references, doubts."""
-    from attest import pipeline, report
+    from attest import pipeline, preview, report
     from attest.writers.json import to_json
 
     configuration = pipeline.configure(observer, [*_chosen(vehicle, world, imu), *assignments])
@@ -58,7 +58,7 @@ def info(
     shown = 0
     for log in found:
         try:
-            recording, described = pipeline.inspect(log, configuration, needed)
+            recording, described = preview.describe(log, configuration, needed)
         except AttestError as error:
             if len(found) == 1:
                 raise

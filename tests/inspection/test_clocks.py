@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from flights import SECOND, flight, resting, tumbling
 
-from attest import config, pipeline
+from attest import config, pipeline, preview
 from attest.config import Evaluation
 from attest.errors import ConfigError, ReadError
 from attest.geometry import quaternion
@@ -76,7 +76,7 @@ def test_a_trajectory_of_another_clock_is_told_with_the_option_that_mends_it(tmp
     ]
     (tmp_path / "truth.txt").write_text("\n".join(rows))
     wanted = [f"evaluation.reference={tmp_path / 'truth.txt'}", "input.world=ned"]
-    recording, _ = pipeline.inspect(tmp_path / "log.csv", pipeline.configure("fts", wanted))
+    recording, _ = preview.describe(tmp_path / "log.csv", pipeline.configure("fts", wanted))
     (text,) = (note.text for note in recording.notes if "shares no time" in note.text)
     assert text == (
         "reference 'truth.txt' shares no time with the estimate: nothing to score. If its clock "

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from flights import SECOND, at, flight, tumbling
 
-from attest import inspection, pipeline, simulation
+from attest import inspection, pipeline, preview, simulation
 from attest.config import Evaluation
 from attest.geometry import quaternion
 from attest.inspection import clocks
@@ -182,9 +182,9 @@ def test_a_trajectory_file_is_told_in_a_run(tmp_path):
     trajectory = tmp_path / "truth.txt"
     trajectory.write_text("\n".join(rows))
     wanted = [f"evaluation.reference={trajectory}"]
-    texts = [n.text for n in pipeline.inspect(path, pipeline.configure("fts", wanted))[0].notes]
+    texts = [n.text for n in preview.describe(path, pipeline.configure("fts", wanted))[0].notes]
     (text,) = (text for text in texts if "does not turn as" in text)
     assert text.endswith("taken for enu: try --world ned")
     mended = pipeline.configure("fts", [*wanted, "input.world=ned"])
-    texts = [n.text for n in pipeline.inspect(path, mended)[0].notes if n.doubt]
+    texts = [n.text for n in preview.describe(path, mended)[0].notes if n.doubt]
     assert not any("does not turn as" in text for text in texts)

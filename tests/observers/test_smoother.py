@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from scipy.io import loadmat
 from scipy.spatial.transform import Rotation
 
-from attest import conditioning, config, pipeline
+from attest import comparison, conditioning, config, pipeline
 from attest.conditioning.rest import rest
 from attest.errors import ConfigError
 from attest.evaluation import attestation
@@ -351,7 +351,7 @@ def test_it_is_no_reference_for_itself():
 def test_compare_leaves_it_out_of_the_ranking_against_itself():
     wanted = ["evaluation.reference=smoother"]
     configurations = {name: pipeline.configure(name, wanted) for name in ("smoother", "cgo")}
-    results, failed = pipeline.compare(LOG, configurations)
+    results, failed = comparison.compare(LOG, configurations)
     assert [result.estimates.observer for result in results] == ["cgo"]
     assert failed == {"smoother": "is the reference, and not ranked against itself"}
 
