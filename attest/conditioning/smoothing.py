@@ -1,6 +1,7 @@
 """Directions of accelerometer and magnetometer, smoothed for the observers."""
 
 from dataclasses import replace
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,9 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 FRAME_ERROR = 0.01
-"""By which the gyroscope's frame may err over a filter's memory, rad."""
+"""By which the gyroscope's frame may err over a filter's memory, rad, or by as much as it helps."""
+PUSH = 0.1
+"""How long an acceleration of the body lasts, s: what is averaged for longer is less of it."""
 SIGMAS = 3.0
 """Deviations of the gyroscope's bias that are allowed for."""
 MENTIONED = 0.05
@@ -52,7 +55,8 @@ def smooth(
     h = times_since(line.t, restart)
     settings, after, notes = config.smoothing, dict(found), []
     accel, mag = found.get("accel"), found.get("mag")
-    longest = longest_memory(h, line.gyro, config.max_step_s)
+    pushed = 0.0 if accel is None or len(accel.inertial) > 1 else _pushed(accel)
+    longest = longest_memory(h, line.gyro, config.max_step_s, pushed)
     if accel is not None and settings.accel_s is not None and len(accel.inertial) == 1:
         tau = _memory(min(settings.accel_s, longest), len(h), deviation)
         accel = low_passed(accel, h, line, accel.valid.astype(float), restart, tau, into["accel"])
@@ -91,12 +95,27 @@ def _memory(most: float, n: int, deviation: Array | None) -> Array:
     return tau
 
 
-def longest_memory(h: Array, gyro: Array, max_step: float) -> float:
+def _pushed(accel: Measured) -> float:
+    """Return the mean square of how far accelerations turn what should be gravity, rad².
+
+    They lengthen it in one direction, and turn it in two.
+    """
+    length = accel.length[accel.valid]
+    if not len(length):
+        return 0.0
+    longer = length / np.median(length) - 1.0
+    return 2.0 * float(np.mean(np.minimum(longer * longer, 1.0)))
+
+
+def longest_memory(h: Array, gyro: Array, max_step: float, pushed: float = 0.0) -> float:
     """Return over how long the gyroscope's frame can be relied on, s.
 
     Between samples the rate is taken as linear. What its bend at a sample makes of that, h/12 of
     the second difference, adds up to the frame's error like a random walk. Where no step is
     divided, a sample is the mean over it, and what is left is how `frame.cone` changes.
+
+    Of a vector that the body's accelerations turn, a memory tau leaves pushed PUSH/tau, and the
+    frame adds its walk times tau: their sum is least where they are equal.
 
     Parameters
     ----------
@@ -106,10 +125,15 @@ def longest_memory(h: Array, gyro: Array, max_step: float) -> float:
         Rate, rad/s.
     max_step
         Longest step that is not divided, s.
+    pushed
+        Mean square of how far accelerations turn the vector, rad².
     """
     means = h.max() <= max_step or np.median(h) <= max_step  # mostly told without the latter
     variance = directions.cones(h, gyro) / 576.0 if means else directions.bends(h, gyro) / 144.0
-    return FRAME_ERROR**2 * float(h.sum()) / variance if variance > 0.0 else np.inf
+    if variance == 0.0:
+        return np.inf
+    walk = variance / float(h.sum())
+    return max(FRAME_ERROR**2 / walk, sqrt(pushed * PUSH / walk))
 
 
 def _told(sensor: str, tau: Array, wanted: float) -> Note:

@@ -264,3 +264,16 @@ def test_how_long_the_frame_is_relied_on_is_a_random_walks_law():
     once = smoothing.longest_memory(h, rate, whole)
     assert smoothing.longest_memory(h, 2.0 * rate, whole) == pytest.approx(once / 16.0)
     assert smoothing.longest_memory(h, np.ones((10_000, 3)), divided) == np.inf
+
+
+def test_what_is_pushed_hard_is_remembered_for_longer_than_the_frame_is_good():
+    h, rng = np.full(10_000, 0.05), np.random.default_rng(1)
+    rate = np.cumsum(rng.normal(scale=0.1, size=(10_000, 3)), axis=0)
+    good = smoothing.longest_memory(h, rate, 0.025)
+    assert smoothing.longest_memory(h, rate, 0.025, 1e-6) == good
+    pushed = smoothing.longest_memory(h, rate, 0.025, 0.09)
+    assert smoothing.longest_memory(h, rate, 0.025, 0.36) == pytest.approx(2.0 * pushed)
+    walk = smoothing.FRAME_ERROR**2 / good
+    taus = np.linspace(0.5, 2.0, 31) * pushed
+    cost = 0.09 * smoothing.PUSH / taus + walk * taus
+    assert taus[np.argmin(cost)] == pytest.approx(pushed)
