@@ -1,5 +1,7 @@
 """From samples to what is smoothed: the log by kinds of vectors, and where its nodes are."""
 
+from math import comb
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +12,8 @@ from attest.smoothing.stretch import Log
 
 Array = NDArray[np.float64]
 
+ORDER = 4
+"""Of the differences that noise is told by; second ones are of a hand's motion too, at 57 Hz."""
 AROUND = 17
 """Steps over which noise is taken as the same."""
 
@@ -111,17 +115,17 @@ def usual(samples: Samples) -> float:
 def variance(h: Array, y: Array, least: float) -> Array:
     """Return the variance of what each step of y (n, j) adds up to, (n,), by least per second.
 
-    By second differences, which are of noise, and of motion that is too quick for the log: those of
+    By fourth differences, which are of noise, and of motion that is too quick for the log: those of
     the whole log, and those around the step where they are more. Between samples that are further
     apart than usual, what is measured has wandered off, like a random walk.
     """
-    if len(h) < 3:
+    if len(h) <= ORDER:
         return least**2 * h
-    bends = np.mean(np.diff(y, n=2, axis=0) ** 2, axis=1) / 6.0  # variance of an axis
-    padded = np.concatenate([bends[:1], bends, bends[-1:]])
+    rough = np.mean(np.diff(y, n=ORDER, axis=0) ** 2, axis=1) / comb(2 * ORDER, ORDER)
+    padded = np.pad(rough, ORDER // 2, mode="edge")  # variance of an axis
     around = np.convolve(padded, np.full(AROUND, 1.0 / AROUND))[AROUND // 2 :][: len(h)]
     step = float(np.median(h[h > 0.0])) if (h > 0.0).any() else 0.0
-    intensity = step * np.maximum(around, float(np.median(bends)))
+    intensity = step * np.maximum(around, float(np.median(rough)))
     apart = np.maximum(1.0, h / max(step, 1e-9)) ** 2
     variance: Array = h * np.maximum(least**2, intensity * apart)
     return variance
