@@ -34,6 +34,8 @@ PARTS = 4
 """Of the log in its order, none of which may get worse."""
 RUN, SPOILS = 4, 1.5
 """Windows in a row, and the share of the misfit of before that may be left in none of them."""
+LARGE = 0.1
+"""Share of the field from which hard iron is large."""
 NIL = 1e-6
 """Misfit that is none, as a share of the strength."""
 MICRO = 1e6
@@ -75,6 +77,13 @@ def judge(field: Field | None) -> Verdict | str:
     return min(
         verdicts, key=lambda each: (each.against != "", float(np.log(each.left[:, :2]).sum()))
     )
+
+
+def large(field: Field | None, verdict: Verdict | str) -> bool:
+    """Tell whether a body's own field is a large share of what the samples show."""
+    if field is None or isinstance(verdict, str):
+        return False
+    return float(np.linalg.norm(verdict.iron.hard)) > LARGE * field.strength
 
 
 def _verdict(field: Field, basis: Array, fit: Fit) -> Verdict:

@@ -69,9 +69,12 @@ def calibrated(
         note = calibration.given(iron.field(line, signal, vertical(before)), told)
         sensors = Sensors(hard_iron=told.hard, soft_iron=told.soft, iron="given")
         return replace(signal, y=told.off(signal.y)), sensors, [note]
-    if wanted != "auto":
+    if wanted == "off":
         return signal, Sensors(), []
-    verdict = calibration.judge(iron.field(line, signal, vertical(before)))
+    field = iron.field(line, signal, vertical(before))
+    verdict = calibration.judge(field)
+    if wanted == "large" and not calibration.large(field, verdict):
+        return signal, Sensors(), []
     notes = [calibration.note(verdict)]
     if isinstance(verdict, str):
         return signal, Sensors(), notes

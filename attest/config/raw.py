@@ -23,7 +23,7 @@ class RawSmoothing(Smoothing):
 class RawMagnetometer(Magnetometer):
     """The field as it is measured."""
 
-    calibrate: Literal["auto", "off", False] | Iron = "off"
+    calibrate: Literal["auto", "large", "off", False] | Iron = "off"
     decouple_tilt: bool = False
     disturbance: float | None = None
 
@@ -36,7 +36,14 @@ class RawConditioning(Conditioning):
     magnetometer: RawMagnetometer = RawMagnetometer()
 
 
+class SmoothedMagnetometer(RawMagnetometer):
+    """Without the iron that hides where to look for the rest of it."""
+
+    calibrate: Literal["auto", "large", "off", False] | Iron = "large"
+
+
 class SmoothedConditioning(RawConditioning):
     """That, and where the body is at rest."""
 
     rest: bool = True
+    magnetometer: SmoothedMagnetometer = SmoothedMagnetometer()

@@ -125,10 +125,11 @@ class Smoothing(Section):
 class Magnetometer(Section):
     """The magnetometer's own ways."""
 
-    calibrate: Literal["auto", "off", False] | Iron = "auto"
+    calibrate: Literal["auto", "large", "off", False] | Iron = "auto"
     """Hard and soft iron: auto finds them from the whole log and takes them off where held-back
-    parts of the log show that this helps; off leaves the field as it is measured; given ones are
-    taken off."""
+    parts of the log show that this helps; large does so where hard iron is over a tenth of the
+    field only, and leaves less to an observer that finds it itself; off leaves the field as it is
+    measured; given ones are taken off."""
     decouple_tilt: bool = True
     """Use only what is across the accelerometer's direction, so that it never corrects tilt."""
     disturbance: Annotated[float | None, Field(gt=0)] = 0.12
@@ -141,8 +142,8 @@ class Magnetometer(Section):
     @field_validator("calibrate")
     @classmethod
     def _read_off(
-        cls, calibrate: Literal["auto", "off", False] | Iron
-    ) -> Literal["auto", "off"] | Iron:
+        cls, calibrate: Literal["auto", "large", "off", False] | Iron
+    ) -> Literal["auto", "large", "off"] | Iron:
         return calibrate or "off"  # YAML takes a plain off for false
 
 

@@ -19,6 +19,8 @@ from attest.report.info import describe, notes
 from attest.result import Result
 from attest.samples import Samples
 
+Array = NDArray[np.float64]
+
 LIBRARIES = ("numpy", "numba", "pymavlink", "mcap", "rerun-sdk")
 
 
@@ -125,8 +127,10 @@ def _sensors(result: Result) -> dict[str, Any]:
     scale, hard, iron = found.gyro_scale, found.hard_iron, found.iron
     if scale is None and "gyro_scale" in constants:
         scale = np.diag(constants["gyro_scale"])
-    if hard is None and "hard_iron" in constants:  # as a share of the field
-        hard, iron = _usual(result.samples) * constants["hard_iron"], "applied"
+    if "hard_iron" in constants:
+        left = _usual(result.samples) * constants["hard_iron"]
+        hard = left if hard is None or iron == "found" else _together(hard, found.soft_iron, left)
+        iron = "given" if iron == "given" else "applied"
     return {
         "gyro_scale": _numbers(scale),
         "mag_latency_s": found.mag_latency_s,
@@ -134,6 +138,11 @@ def _sensors(result: Result) -> dict[str, Any]:
         "soft_iron": None if found.soft_iron is None else found.soft_iron.tolist(),
         "iron": None if hard is None else iron,
     }
+
+
+def _together(hard: Array, soft: Array | None, left: Array) -> Array:
+    """Return the hard iron, tesla, (3,), of what was taken off before and of what that left."""
+    return hard + (left if soft is None else np.linalg.solve(soft, left))
 
 
 def _usual(samples: Samples) -> float:
@@ -145,7 +154,7 @@ def _usual(samples: Samples) -> float:
     return float(np.median(seen)) if len(seen) else np.nan
 
 
-def _numbers(values: NDArray[np.float64] | None) -> list[float | None] | None:
+def _numbers(values: Array | None) -> list[float | None] | None:
     """Return numbers as JSON has them, or None where there is none."""
     if values is None or not np.isfinite(values).any():
         return None

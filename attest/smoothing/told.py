@@ -66,13 +66,15 @@ def _of_accel(bias: Array, scale: float) -> Note:
 
 
 def _of_field(samples: Samples, iron: Array, field: Array, found: Estimates) -> Iterator[Note]:
-    if np.abs(iron).max() < NO_IRON:
-        yield Note("magnetometer used as it is: the whole log tells no hard iron")
-    else:
+    before = samples.sensors.iron in {"applied", "given"}
+    if np.abs(iron).max() >= NO_IRON:
+        besides = "besides, " if before else ""
         yield Note(
-            f"magnetometer: hard iron {_axes(100.0 * iron, 1)} % of the field, found in the whole "
-            "log and taken off"
+            f"magnetometer: hard iron {_axes(100.0 * iron, 1)} % of the field, {besides}found in "
+            "the whole log and taken off"
         )
+    elif not before:
+        yield Note("magnetometer used as it is: the whole log tells no hard iron")
     down = 1.0 if samples.world == "ned" else -1.0
     dip = np.rad2deg(np.arctan2(down * field[2], np.hypot(field[0], field[1])))
     unlike = found.constants["field_unlike"].item()

@@ -1,6 +1,7 @@
 """What the smoother says that it did, and where it doubts itself."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import observing
@@ -73,13 +74,28 @@ def test_rest_is_told():
 
 
 def test_hard_iron_is_told_and_is_no_turn_of_the_field():
-    iron = np.array([6e-6, -4e-6, 5e-6])
+    iron = np.array([3e-6, -2e-6, 2.5e-6])
     log = with_mag(noisy(flight(duration=60.0)), lambda y, _: y + iron)
     share = 100.0 * iron / np.linalg.norm(FIELD)
     (told,) = [note.text for note in notes(log) if note.text.startswith("magnetometer")]
     found = [float(x) for x in told.split("hard iron ")[1].split(" %")[0].split(",")]
     assert found == pytest.approx(share, abs=2.0)
     assert not doubts(log)
+
+
+def test_large_hard_iron_is_taken_off_first_and_the_document_has_all_of_it():
+    iron, clean = np.array([2e-5, -1e-5, 1.5e-5]), noisy(flight(duration=120.0))
+    log = with_mag(clean, lambda y, _: y + iron)
+    samples, before = condition(log, CONFIG)
+    assert any("hard iron +2" in note.text and "taken off" in note.text for note in before)
+    found = smoother.estimate(samples, CONFIG)
+    bare = smoother.estimate(condition(clean, CONFIG)[0], CONFIG)
+    between = quaternion.multiply(found.q, quaternion.conjugate(bare.q))
+    assert np.rad2deg(np.linalg.norm(quaternion.log(between), axis=1)).max() < 1.0
+    opened = pipeline.Opened(replace(log, path=Path(__file__)), None, {})
+    told = pipeline.observe(opened, CONFIG).summary["sensors"]
+    assert told["iron"] == "applied"
+    assert told["hard_iron_ut"] == pytest.approx(1e6 * iron, abs=0.5)
 
 
 def test_a_bias_that_is_larger_than_expected_is_doubted_and_is_no_turn_of_the_field():
