@@ -52,7 +52,7 @@ def calibrate(recording: Recording, config: Configuration) -> dict[str, Any]:
         )
     how = _afresh(config.conditioning)
     gyro, cut = cut_gyroscope(recording, config)
-    restart, gaps = restarts(recording, gyro.t, how)
+    restart, gaps = restarts(recording, gyro.t, how, gyro.y)
     substeps, slow = substeps_of(gyro.t, restart, how.max_step_s)
     told = [*recording.notes, *cut, *gaps, *slow]
     at, bias, deviation, over = together(*gyroscope.shapes(len(gyro.t)))

@@ -43,7 +43,7 @@ def condition(recording: Recording, config: Configuration) -> tuple[Samples, tup
         return points.condition(recording, config)
     recording = corrected(recording, config.conditioning)
     gyro, notes = cut_gyroscope(recording, config)
-    restart, gaps = restarts(recording, gyro.t, config.conditioning)
+    restart, gaps = restarts(recording, gyro.t, config.conditioning, gyro.y)
     substeps, slow = substeps_of(gyro.t, restart, config.conditioning.max_step_s)
     notes += gaps + slow
     wanted = _vectors(recording, config)

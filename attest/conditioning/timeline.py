@@ -20,6 +20,10 @@ BREAK = 10_000 * SECOND
 MOST_SUBSTEPS = 500, 20_000_000
 """In one step, and in a log unless it has more steps than a fiftieth of that: work must grow with
 the log's size and not with the time that it spans."""
+FAR, TRIED = 2.0, 9
+"""Lengths of a gap that are looked away from it, and in how many places."""
+LOST = 1.0
+"""Deviation of the turn over a gap, rad, from which a new start knows the attitude better."""
 FASTEST = 1e3
 """rad/s; no gyroscope measures a tenth of this."""
 
@@ -92,9 +96,12 @@ def apart(
 
 
 def restarts(
-    recording: Recording, t: Stamps, config: Conditioning
+    recording: Recording, t: Stamps, config: Conditioning, rate: Array | None = None
 ) -> tuple[NDArray[np.bool_], list[Note]]:
-    """Mark the first step, and those after a reboot or a gap that is too long to bridge."""
+    """Mark the first step, and those after a reboot or a gap that is too long to bridge.
+
+    That is so by its length, or by how the rate, rad/s, (n, 3), varies around it.
+    """
     shortest, longest = shortest_and_longest(t)
     restart, notes = np.zeros(len(t), np.bool_), []
     restart[0] = True
@@ -107,12 +114,42 @@ def restarts(
     if longest <= 5 * shortest:  # the usual case, and no need to look further
         return restart, notes
     h = np.diff(t)
-    bridged = h[(h > 5 * np.median(h)) & ~restart[1:]]
+    gaps = np.flatnonzero((h > 5 * np.median(h)) & ~restart[1:])
+    lost = np.zeros(len(gaps), np.bool_) if rate is None else _untold(t, rate, gaps) > LOST
+    if lost.any():
+        restart[1 + gaps[lost]] = True
+        text = "gap in quick motion, whose turn is not told: the observer starts anew after it"
+        notes.append(Note(text, int(lost.sum()), doubt=True))
+    bridged = h[gaps[~lost]]
     if len(bridged):
         widest = bridged.max() * 1e-9
         text = f"gap in the gyroscope bridged by interpolation, the longest {widest:.2f} s"
         notes.append(Note(text, len(bridged)))
     return restart, notes
+
+
+def _untold(t: Stamps, rate: Array, gaps: NDArray[np.intp]) -> Array:
+    """Return the deviation of the turns over gaps from what a line across them has, rad, (j,).
+
+    As it would be over times as long before and after, where the turn is known.
+    """
+    s, square, count = seconds(t, int(t[0])), np.zeros(len(gaps)), np.zeros(len(gaps))
+    mean = 0.5 * (rate[1:] + rate[:-1]) * np.diff(s)[:, np.newaxis]
+    turned = np.concatenate([np.zeros((1, 3)), np.cumsum(mean, axis=0)])
+
+    def at(when: Array, y: Array) -> Array:
+        return np.stack([np.interp(when, s, column) for column in y.T], axis=1)
+
+    h = s[gaps + 1] - s[gaps]
+    for away in np.linspace(0.0, FAR, TRIED):
+        for first in (s[gaps] - (1.0 + away) * h, s[gaps + 1] + away * h):
+            last = first + h
+            line = 0.5 * h[:, np.newaxis] * (at(first, rate) + at(last, rate))
+            off = at(last, turned) - at(first, turned) - line
+            known = (first >= 0.0) & (last <= s[-1])
+            square += np.where(known, np.sum(off * off, axis=1), 0.0)
+            count += known
+    return np.asarray(np.sqrt(square / np.maximum(count, 1.0)))
 
 
 def substeps_of(

@@ -155,7 +155,8 @@ class Conditioning(Section):
     max_age_s: Annotated[float, Field(ge=0, le=600)] = 1.0
     """How far a vector may be carried by the gyroscope from its nearest sample."""
     restart_gap_s: Annotated[float, Field(gt=0)] = 5.0
-    """A gyroscope silent for longer than this makes the observer start anew."""
+    """A gyroscope silent for longer than this makes the observer start anew; and for less where the
+    motion around is so quick that the turn in between is not told."""
     rest: bool = False
     """Mark where the body is at rest, as the whole log tells; ``smoother`` uses it."""
     gyroscope: Gyroscope = Gyroscope()

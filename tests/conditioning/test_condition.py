@@ -102,9 +102,24 @@ def test_a_gap_makes_the_observer_start_anew():
     assert np.flatnonzero(samples.restart).tolist() == [0, np.sum(at(t) < 5.0)]
     told = next(note for note in notes if "starts anew" in note.text)
     assert (told.count, told.doubt) == (1, True)
-    bridging, notes = one_vector(t, t, conditioning=RawConditioning(restart_gap_s=10.0))
-    assert bridging.restart.sum() == 1
-    assert "bridged by interpolation, the longest 7.0" in texts(notes)
+
+
+@pytest.mark.parametrize(("attitude", "lost"), [(tumbling, True), (resting, False)])
+def test_a_gap_in_quick_motion_makes_the_observer_start_anew_too(attitude, lost):
+    log = flight(attitude, duration=30.0)
+    signals = {}
+    for name, signal in log.signals.items():
+        there = (at(signal.t) < 12.0) | (at(signal.t) > 15.0)
+        signals[name] = replace(signal, t=signal.t[there], y=signal.y[there])
+    samples, notes = condition(replace(log, signals=signals), settings())
+    assert samples.restart.sum() == 1 + lost
+    doubts = texts(note for note in notes if note.doubt)
+    assert ("gap in quick motion, whose turn is not told" in doubts) == lost
+    assert ("bridged by interpolation, the longest 3.0" in texts(notes)) != lost
+    q = fts.estimate(samples, settings()).q[at(samples.t) > 18.0]
+    truth = attitude(at(samples.t)[at(samples.t) > 18.0])
+    off = quaternion.log(quaternion.multiply(q, quaternion.conjugate(truth)))
+    assert np.rad2deg(np.linalg.norm(off[:, :2], axis=1)).max() < 2.0
 
 
 def test_a_reboot_in_the_log_makes_the_observer_start_anew():
