@@ -55,8 +55,10 @@ def smooth(
     h = times_since(line.t, restart)
     settings, after, notes = config.smoothing, dict(found), []
     accel, mag = found.get("accel"), found.get("mag")
-    pushed = 0.0 if accel is None or len(accel.inertial) > 1 else _pushed(accel)
-    longest = longest_memory(h, line.gyro, config.max_step_s, pushed)
+    longest = longest_memory(h, line.gyro, config.max_step_s)
+    wanted = max(settings.accel_s or 0.0, settings.mag_s or 0.0)
+    if longest < wanted and accel is not None and len(accel.inertial) == 1:
+        longest = max(longest, worthwhile(longest, accel))
     if accel is not None and settings.accel_s is not None and len(accel.inertial) == 1:
         tau = _memory(min(settings.accel_s, longest), len(h), deviation)
         accel = low_passed(accel, h, line, accel.valid.astype(float), restart, tau, into["accel"])
@@ -95,27 +97,12 @@ def _memory(most: float, n: int, deviation: Array | None) -> Array:
     return tau
 
 
-def _pushed(accel: Measured) -> float:
-    """Return the mean square of how far accelerations turn what should be gravity, rad².
-
-    They lengthen it in one direction, and turn it in two.
-    """
-    length = accel.length[accel.valid]
-    if not len(length):
-        return 0.0
-    longer = length / np.median(length) - 1.0
-    return 2.0 * float(np.mean(np.minimum(longer * longer, 1.0)))
-
-
-def longest_memory(h: Array, gyro: Array, max_step: float, pushed: float = 0.0) -> float:
+def longest_memory(h: Array, gyro: Array, max_step: float) -> float:
     """Return over how long the gyroscope's frame can be relied on, s.
 
     Between samples the rate is taken as linear. What its bend at a sample makes of that, h/12 of
     the second difference, adds up to the frame's error like a random walk. Where no step is
     divided, a sample is the mean over it, and what is left is how `frame.cone` changes.
-
-    Of a vector that the body's accelerations turn, a memory tau leaves pushed PUSH/tau, and the
-    frame adds its walk times tau: their sum is least where they are equal.
 
     Parameters
     ----------
@@ -125,15 +112,25 @@ def longest_memory(h: Array, gyro: Array, max_step: float, pushed: float = 0.0) 
         Rate, rad/s.
     max_step
         Longest step that is not divided, s.
-    pushed
-        Mean square of how far accelerations turn the vector, rad².
     """
     means = h.max() <= max_step or np.median(h) <= max_step  # mostly told without the latter
     variance = directions.cones(h, gyro) / 576.0 if means else directions.bends(h, gyro) / 144.0
-    if variance == 0.0:
-        return np.inf
-    walk = variance / float(h.sum())
-    return max(FRAME_ERROR**2 / walk, sqrt(pushed * PUSH / walk))
+    return FRAME_ERROR**2 * float(h.sum()) / variance if variance > 0.0 else np.inf
+
+
+def worthwhile(longest: float, accel: Measured) -> float:
+    """Return the memory at which frame and accelerations together do least harm, s.
+
+    Of their mean square, s² of a direction, a memory tau leaves s² PUSH/tau, and the frame, which
+    `longest_memory` tells, adds its walk times tau. Accelerations lengthen what should be gravity
+    in one direction, and turn it in two.
+    """
+    length = accel.length[accel.valid]
+    if not len(length):
+        return 0.0
+    longer = np.minimum(np.abs(length / np.median(length) - 1.0), 1.0)
+    pushed = 2.0 * float(np.mean(longer * longer))
+    return sqrt(pushed * PUSH * longest) / FRAME_ERROR
 
 
 def _told(sensor: str, tau: Array, wanted: float) -> Note:

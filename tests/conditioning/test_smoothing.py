@@ -9,6 +9,7 @@ from flights import FIELD, G, at, flight, gyro, recording, resting, seen, stamps
 from numpy.testing import assert_allclose
 
 from attest.conditioning import condition, smoothing
+from attest.conditioning.measured import Measured
 from attest.config import Conditioning
 from attest.geometry import quaternion
 from attest.observers import fts
@@ -267,13 +268,15 @@ def test_how_long_the_frame_is_relied_on_is_a_random_walks_law():
 
 
 def test_what_is_pushed_hard_is_remembered_for_longer_than_the_frame_is_good():
-    h, rng = np.full(10_000, 0.05), np.random.default_rng(1)
-    rate = np.cumsum(rng.normal(scale=0.1, size=(10_000, 3)), axis=0)
-    good = smoothing.longest_memory(h, rate, 0.025)
-    assert smoothing.longest_memory(h, rate, 0.025, 1e-6) == good
-    pushed = smoothing.longest_memory(h, rate, 0.025, 0.09)
-    assert smoothing.longest_memory(h, rate, 0.025, 0.36) == pytest.approx(2.0 * pushed)
+    good, rng = 0.25, np.random.default_rng(1)
     walk = smoothing.FRAME_ERROR**2 / good
-    taus = np.linspace(0.5, 2.0, 31) * pushed
-    cost = 0.09 * smoothing.PUSH / taus + walk * taus
-    assert taus[np.argmin(cost)] == pytest.approx(pushed)
+    for std in (0.1, 0.2, 0.3):
+        length = G * (1.0 + std * rng.normal(size=100_000))
+        none = np.empty((0, 3))
+        accel = Measured(none, none, np.ones(len(length), np.bool_), length)
+        found = smoothing.worthwhile(good, accel)
+        taus = np.geomspace(0.5, 2.0, 201) * found
+        harm = 2.0 * std**2 * smoothing.PUSH / taus + walk * taus
+        assert taus[np.argmin(harm)] == pytest.approx(found, rel=0.02)
+    still = Measured(none, none, np.ones(9, np.bool_), np.full(9, G))
+    assert smoothing.worthwhile(good, still) == 0.0
