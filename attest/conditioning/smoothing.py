@@ -55,10 +55,7 @@ def smooth(
     h = times_since(line.t, restart)
     settings, after, notes = config.smoothing, dict(found), []
     accel, mag = found.get("accel"), found.get("mag")
-    longest = longest_memory(h, line.gyro, config.max_step_s)
-    wanted = max(settings.accel_s or 0.0, settings.mag_s or 0.0)
-    if longest < wanted and accel is not None and len(accel.inertial) == 1:
-        longest = max(longest, worthwhile(longest, accel))
+    longest = _longest(h, line.gyro, accel, config)
     if accel is not None and settings.accel_s is not None and len(accel.inertial) == 1:
         tau = _memory(min(settings.accel_s, longest), len(h), deviation)
         accel = low_passed(accel, h, line, accel.valid.astype(float), restart, tau, into["accel"])
@@ -95,6 +92,15 @@ def _memory(most: float, n: int, deviation: Array | None) -> Array:
     if deviation is not None:
         directions.no_longer(DRIFT, deviation, tau)
     return tau
+
+
+def _longest(h: Array, gyro: Array, accel: Measured | None, config: Conditioning) -> float:
+    """Return how long to remember at the most, s: while the frame is good, or while it helps."""
+    longest, settings = longest_memory(h, gyro, config.max_step_s), config.smoothing
+    enough = longest >= max(settings.accel_s or 0.0, settings.mag_s or 0.0)
+    if enough or accel is None or len(accel.inertial) > 1:
+        return longest
+    return max(longest, worthwhile(longest, accel))
 
 
 def longest_memory(h: Array, gyro: Array, max_step: float) -> float:
