@@ -1,7 +1,6 @@
 """Directions of accelerometer and magnetometer, smoothed for the observers."""
 
 from dataclasses import replace
-from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +18,8 @@ Mask = NDArray[np.bool_]
 
 FRAME_ERROR = 0.01
 """By which the gyroscope's frame may err over a filter's memory, rad, or by as much as it helps."""
-PUSH = 0.1
-"""How long an acceleration of the body lasts, s: what is averaged for longer is less of it."""
+PUSH = 0.08
+"""By which a hand's acceleration is to be multiplied to get its speed, s: 1/omega at 2 Hz."""
 SIGMAS = 3.0
 """Deviations of the gyroscope's bias that are allowed for."""
 MENTIONED = 0.05
@@ -127,16 +126,16 @@ def longest_memory(h: Array, gyro: Array, max_step: float) -> float:
 def worthwhile(longest: float, accel: Measured) -> float:
     """Return the memory at which frame and accelerations together do least harm, s.
 
-    Of their mean square, s² of a direction, a memory tau leaves s² PUSH/tau, and the frame, which
-    `longest_memory` tells, adds its walk times tau. Accelerations lengthen what should be gravity
-    in one direction, and turn it in two.
+    Accelerations turn a direction by s; since a body's speed has bounds, a memory tau leaves
+    s PUSH/tau of that. The frame adds its walk, which `longest_memory` tells, times tau to the mean
+    square. Accelerations lengthen what should be gravity in one direction, and turn it in two.
     """
     length = accel.length[accel.valid]
     if not len(length):
         return 0.0
     longer = np.minimum(np.abs(length / np.median(length) - 1.0), 1.0)
-    pushed = 2.0 * float(np.mean(longer * longer))
-    return sqrt(pushed * PUSH * longest) / FRAME_ERROR
+    s2, walk = 2.0 * float(np.mean(longer * longer)), FRAME_ERROR**2 / longest
+    return float(np.cbrt(2.0 * s2 * PUSH**2 / walk))
 
 
 def _told(sensor: str, tau: Array, wanted: float) -> Note:

@@ -276,7 +276,7 @@ def test_what_is_pushed_hard_is_remembered_for_longer_than_the_frame_is_good():
         accel = Measured(none, none, np.ones(len(length), np.bool_), length)
         found = smoothing.worthwhile(good, accel)
         taus = np.geomspace(0.5, 2.0, 201) * found
-        harm = 2.0 * std**2 * smoothing.PUSH / taus + walk * taus
+        harm = 2.0 * (std * smoothing.PUSH / taus) ** 2 + walk * taus
         assert taus[np.argmin(harm)] == pytest.approx(found, rel=0.02)
     still = Measured(none, none, np.ones(9, np.bool_), np.full(9, G))
     assert smoothing.worthwhile(good, still) == 0.0
