@@ -12,7 +12,7 @@ import ros_logs
 from click.testing import CliRunner
 from flights import FIELD, at, flight, gyro, recording, resting, stamps, tumbling
 
-from attest import inspection, readers, report, simulation
+from attest import inspection, pipeline, preview, readers, report, simulation
 from attest.cli import cli
 from attest.errors import ConfigError, ReadError
 from attest.recording import Reference, Signal
@@ -30,6 +30,19 @@ def figures(y, rate=100.0):
 
 def info(*arguments):
     return CliRunner().invoke(cli, ["info", *map(str, arguments)], catch_exceptions=False)
+
+
+def test_names_in_a_log_command_no_terminal(sample_logs):
+    log = sample_logs / "quadcopter.csv"
+    configuration = pipeline.configure("cgo")
+    _, described = preview.describe(log, configuration)
+    opened = pipeline.opened(log, configuration)
+    result = pipeline.observe(opened, configuration)
+    for document in (described, result.summary["log"]):
+        document["signals"]["gyro"]["source"] = "\x1b[2J\rgyro"
+    for text in (report.text_of_info(described), report.text_of_run(result.summary, ())):
+        assert "\\x1b[2J\\rgyro" in text
+        assert all(line.isprintable() for line in text.splitlines())
 
 
 @pytest.fixture(scope="module")

@@ -102,7 +102,7 @@ def text_of_info(info: Mapping[str, Any]) -> str:
         "",
         *_references(info["references"]),
     ]
-    return "\n".join([*lines, *text_of_notes(info)])
+    return "\n".join(map(printable, [*lines, *text_of_notes(info)]))
 
 
 def text_of_notes(document: Mapping[str, Any]) -> list[str]:

@@ -6,6 +6,7 @@ from math import degrees
 from pathlib import Path
 from typing import Any
 
+from attest.errors import printable
 from attest.report.info import shown, text_of_notes
 from attest.report.table import KINDS
 from attest.result import Result
@@ -94,7 +95,7 @@ def text_of_ranking(document: Mapping[str, Any], written: Sequence[Path]) -> str
     if written:
         names = " ".join(path.name for path in written)
         lines += ["", f"  written     {written[0].parent}/  {names}"]
-    return "\n".join(lines)
+    return "\n".join(map(printable, lines))
 
 
 def _order(document: Mapping[str, Any]) -> Iterator[str]:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from attest.errors import printable
 from attest.report.info import shown, text_of_notes
 
 KINDS = {
@@ -32,7 +33,7 @@ def text_of_run(summary: Mapping[str, Any], written: Sequence[Path]) -> str:
     if written:
         names = " ".join(path.name for path in written)
         lines += ["", f"  written     {written[0].parent}/  {names}"]
-    return "\n".join(lines)
+    return "\n".join(map(printable, lines))
 
 
 def _input(log: Mapping[str, Any], estimates: Mapping[str, Any]) -> list[str]:
