@@ -25,6 +25,8 @@ COLUMNS = 12
 """q (4), Omega_hat (3), beta_hat (3), |s_L| and Wahba's cost."""
 BLOCK = 8192
 """Steps of a piece of a log; the matrices of more do not fit a processor's cache."""
+BEND = 2
+"""Order of the differences that tell what is between a slow log's samples."""
 NEAR = 60_000_000_000
 """How far the gyroscope is believed when it leads back to a start, nanoseconds."""
 
@@ -188,7 +190,7 @@ def turn_noise(samples: Samples, part: slice, least: float) -> Array:
     samples is interpolated, and off by what their second differences tell.
     """
     h = np.diff(samples.t[part], append=samples.t[part][-1]) * 1e-9
-    told = variance(h, samples.gyro[part], least**0.5) / np.where(h > 0.0, h, 1.0)
+    told = variance(h, samples.gyro[part], least**0.5, BEND) / np.where(h > 0.0, h, 1.0)
     slow = (samples.substeps[part] > 1) & (h > 0.0)
     return np.where(slow, told, least)
 

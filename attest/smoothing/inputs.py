@@ -90,9 +90,9 @@ def log(samples: Samples, least: tuple[float, float]) -> Log:
     return Log(
         h=h,
         gyro=np.ascontiguousarray(samples.gyro),
-        turn_noise=variance(h, samples.gyro, least[0]),
+        turn_noise=variance(h, samples.gyro, least[0], ORDER),
         force=force,
-        push_noise=variance(h, rough[held], least[1]),
+        push_noise=variance(h, rough[held], least[1], ORDER),
         expected=np.ascontiguousarray(expected),
         force_valid=np.append(force_valid[:-1] & force_valid[1:], force_valid[-1:]),
         field=field,
@@ -112,17 +112,17 @@ def usual(samples: Samples) -> float:
     return float(np.median(seen)) if len(seen) else 1.0
 
 
-def variance(h: Array, y: Array, least: float) -> Array:
+def variance(h: Array, y: Array, least: float, order: int) -> Array:
     """Return the variance of what each step of y (n, j) adds up to, (n,), by least per second.
 
-    By fourth differences, which are of noise, and of motion that is too quick for the log: those of
-    the whole log, and those around the step where they are more. Between samples that are further
-    apart than usual, what is measured has wandered off, like a random walk.
+    By differences of an even order, which are of noise, and of motion that is too quick for the
+    log: those of the whole log, and those around the step where they are more. Between samples that
+    are further apart than usual, what is measured has wandered off, like a random walk.
     """
-    if len(h) <= ORDER:
+    if len(h) <= order:
         return least**2 * h
-    rough = np.mean(np.diff(y, n=ORDER, axis=0) ** 2, axis=1) / comb(2 * ORDER, ORDER)
-    padded = np.pad(rough, ORDER // 2, mode="edge")  # variance of an axis
+    rough = np.mean(np.diff(y, n=order, axis=0) ** 2, axis=1) / comb(2 * order, order)
+    padded = np.pad(rough, order // 2, mode="edge")  # variance of an axis
     around = np.convolve(padded, np.full(AROUND, 1.0 / AROUND))[AROUND // 2 :][: len(h)]
     step = float(np.median(h[h > 0.0])) if (h > 0.0).any() else 0.0
     intensity = step * np.maximum(around, float(np.median(rough)))

@@ -228,8 +228,8 @@ def test_a_given_calibration_comes_from_yaml():
     [
         (
             "maybe",
-            "'conditioning.magnetometer.calibrate' is \"maybe\". It must be: 'auto', 'off' or False"
-            " or an object.",
+            "'conditioning.magnetometer.calibrate' is \"maybe\". It must be: 'auto', 'large', "
+            "'off' or False or an object.",
         ),
         (
             {"hard_iron": [1, 2]},
