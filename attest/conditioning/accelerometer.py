@@ -67,6 +67,9 @@ def _aided(
     config: Conditioning,
 ) -> tuple[Measured, list[Note]]:
     """Use a - g where there is a sound velocity, gravity where the vehicle does not manoeuvre."""
+    if len(_within(line, usable(recording.signals["accel"])[0]).t) < 2:
+        text = "accelerometer's reference: gravity (it has no two samples while the gyroscope has)"
+        return plain, [Note(text, doubt=True)]
     force, a_g, level, notes = _specific_force(recording, line, g, config)
     expected, seen = np.linalg.norm(a_g, axis=1), np.linalg.norm(force, axis=1)
     if reference is None and not specific_force.explains(expected, seen, GRAVITY):

@@ -110,8 +110,8 @@ def find_lag(at: Array, expected: Array, measured: Array) -> tuple[float, float]
     Returns
     -------
     tuple of floats or None
-        The lag at which the two fit best, and its standard deviation; None where the motion is too
-        little to tell.
+        The lag, and its standard deviation, by where the two fit best and by what is usual; None
+        where the motion is too little to tell.
     """
     good = np.isfinite(expected) & np.isfinite(measured)
     if good.sum() < 20 or expected[good].std() < ENOUGH:
@@ -126,8 +126,10 @@ def find_lag(at: Array, expected: Array, measured: Array) -> tuple[float, float]
     if bend <= 0.0:
         return None
     # of residuals that are the same for so long
-    variance = 2.0 * float(misfit[best]) / (bend * max((x[-1] - x[0]) / ALIKE, 1.0))
-    return lag * USUAL**2 / (USUAL**2 + variance), float(np.sqrt(variance))
+    apart = float(np.minimum(np.diff(x), ALIKE).sum()) / ALIKE  # stretches may be hours apart
+    variance = 2.0 * float(misfit[best]) / (bend * max(apart, 1.0))
+    share = USUAL**2 / (USUAL**2 + variance)
+    return lag * share, float(np.sqrt(variance * share))
 
 
 def lowest(three: Array) -> float:

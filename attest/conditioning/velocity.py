@@ -32,7 +32,7 @@ BACK = 0.5
 """Share of a jump that is left where the next sample is back."""
 AROUND = 3 * SECOND
 """Before and after a second, what tells how the frames are turned, ns."""
-OFTEN = 0.9
+OFTEN = 0.75
 """Share of the changes that differ by what is usual, at the most."""
 STUCK = SECOND
 """A value that stays the same for so long is looked at, ns."""
@@ -91,9 +91,20 @@ def unstuck(velocity: Signal, pair: Compared) -> tuple[Signal, list[Note]]:
         if pair.t[last] - pair.t[first] >= STUCK:
             for begin, end in _pieces(pair.t, int(first), int(last)):
                 kept[begin : end + 1] &= not _moves(pair, begin, end)
-    rest = np.isin(velocity.t, pair.t[~kept], invert=True)
     notes = _counted("that stands still while the vehicle does not: left out", kept)
+    kept[1:] &= ~_held(pair.t, same, edges.reshape(-1, 2))
+    rest = np.isin(velocity.t, pair.t[~kept], invert=True)
     return replace(velocity, t=velocity.t[rest], y=velocity.y[rest]), notes
+
+
+def _held(t: Stamps, same: Mask, runs: NDArray[np.intp]) -> Mask:
+    """Mark repeats (k - 1,) where most values, those that stand still aside, repeat the last."""
+    brief = same.copy()
+    for first, last in runs:
+        if t[last] - t[first] >= STUCK:
+            brief[first:last] = False
+    often = 2 * int(brief.sum()) > len(same) - int(same.sum()) + int(brief.sum())
+    return brief if often else np.zeros(len(same), np.bool_)
 
 
 def _pieces(t: Stamps, first: int, last: int) -> list[tuple[int, int]]:

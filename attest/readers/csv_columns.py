@@ -31,7 +31,7 @@ def layout(path: Path, csv: Csv, wanted: Sequence[str]) -> Layout:
     if not names or row.endswith(by.encode()):  # that ends each row
         names += ("",) * (width - len(names))
     quoted = b'"' in line.first + row
-    point = csv.decimal or csv_head.decimal(by, row)
+    point = csv.decimal or csv_head.decimal(by, row + b"\n" + head[start:])
     before = int(not csv.skip and csv_head.has_separator(head))
     return Layout(names, by, point, quoted, start, csv.comment, before)
 

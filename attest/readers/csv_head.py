@@ -16,6 +16,10 @@ BLOCK = 1 << 20
 _SEPARATOR = re.compile(rb"\s*\"?sep=[,;\t |]\"?\s*$", re.IGNORECASE)
 _LINE = re.compile(rb"[^\r\n]*(?:\r\n?|\n|\Z)")
 _UTF8 = b"\xef\xbb\xbf"
+FIRST_ROWS = 1 << 16
+"""Bytes of rows that are looked at for decimals."""
+DECIMAL = re.compile(rb"(?:^|[;\t\n])[ \"']*[-+]?\d*,\d+[ \"']*(?=[;\t\r\n]|$)")
+"""A cell that is a number with a decimal comma."""
 UTF16 = (b"\xff\xfe", b"\xfe\xff")
 
 
@@ -124,6 +128,6 @@ def in_utf16(path: Path) -> ReadError:
     return ReadError(f"{path}: a CSV in UTF-16. Save it as UTF-8.")
 
 
-def decimal(separator: str, row: bytes) -> str:
-    """Return the sign before decimals."""
-    return "," if separator == ";" and b"," in row else "."
+def decimal(separator: str, rows: bytes) -> str:
+    """Return the sign before decimals, of the first rows: some may have whole numbers alone."""
+    return "," if separator in ";\t" and DECIMAL.search(rows, 0, FIRST_ROWS) else "."

@@ -45,7 +45,7 @@ def canonical(path: Path) -> Layout:
     row = csv_head.following(line, head).first
     if not row:
         raise ReadError(f"{path}: a header and no rows. Check how the file was made.")
-    point = csv_head.decimal(by, row)
+    point = csv_head.decimal(by, row + b"\n" + head[line.end :])
     return Layout(names, by, point, b'"' in line.first, line.end, before=before)
 
 

@@ -85,6 +85,19 @@ def test_a_lag_that_little_motion_tells_counts_by_how_sure_it_is(seed):
         assert abs(lag) < abs(lag) * (1.0 + (deviation / sf.USUAL) ** 2) <= 1.0
 
 
+def test_a_restart_makes_no_lag_more_certain():
+    t, force = stamps(50.0, 6.0), Turning(period=20.0).specific_force
+    noise = np.random.default_rng(0).normal(size=len(t))
+    measured = (
+        np.linalg.norm(force(at(t)), axis=1) + np.convolve(noise, np.ones(50) / 15.0)[: len(t)]
+    )
+    expected, x = np.linalg.norm(force(at(t) - 0.2), axis=1), at(t)
+    lag, deviation = sf.find_lag(x, expected, measured)
+    later = np.where(np.arange(len(x)) < len(x) // 2, 0.0, 1e4)
+    again, then = sf.find_lag(x + later, expected, measured)
+    assert (again, then) == (pytest.approx(lag, abs=0.1), pytest.approx(deviation, rel=0.2))
+
+
 def test_the_lag_cannot_be_told_without_motion_or_where_nothing_fits():
     t = at(stamps(50.0, 60.0))
     rng = np.random.default_rng(1)

@@ -97,6 +97,32 @@ def test_a_velocity_that_runs_away_and_comes_back_is_left_out(quadcopter, accele
     assert notes[f"velocity {why}: left out"] > 20
 
 
+@pytest.mark.parametrize("share", [0.02, 0.06])
+@pytest.mark.parametrize("size", [3.0, 10.0, 30.0])
+def test_spikes_here_and_there_tilt_the_vertical_little(quadcopter, share, size):
+    y, rng = quadcopter.signals["velocity"].y.copy(), np.random.default_rng(1)
+    here = rng.random(len(y)) < share
+    y[here] += size * np.array([0.6, 0.8, 0.0])
+    assert tilt_deg(with_velocity(quadcopter, y))[0] < 1.5
+
+
+@pytest.mark.parametrize("times", [2, 5, 8, 10])
+def test_a_velocity_that_is_held_between_its_values_is_as_good_as_those(quadcopter, times):
+    y = quadcopter.signals["velocity"].y
+    held, notes = tilt_deg(with_velocity(quadcopter, y[np.arange(len(y)) // times * times]))
+    assert held < 1.0
+    assert not [text for text in notes if "contradicts" in text or "alone" in text]
+
+
+def test_an_accelerometer_that_is_there_while_no_gyroscope_is_is_doubted(quadcopter):
+    accel = quadcopter.signals["accel"]
+    early = accel.t < accel.t[0] + 5 * 10**9
+    signals = {**quadcopter.signals, "accel": replace(accel, t=accel.t[early], y=accel.y[early])}
+    log, config = log_of(replace(quadcopter, signals=signals)), fts.Config(input={"start_s": 20.0})
+    _, notes = condition(log, config)
+    assert "it has no two samples while the gyroscope has" in " ".join(n.text for n in notes)
+
+
 @pytest.mark.parametrize("every", [1, 2, 5])
 @pytest.mark.parametrize("kind", ["step", "spike"])
 @pytest.mark.parametrize("size", [2.0, 3.0, 5.0, 8.0, 20.0])

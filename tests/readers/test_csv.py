@@ -402,3 +402,11 @@ def test_time_and_memory_follow_the_size(load):
     recording = load(",".join(["time_s", *wide]) + "\n" + ",".join(["0"] * (1 + len(wide))))
     assert len(recording.signals) == 20_001
     assert len(load(f"{GYRO}\n" + "1,2\n" * 200_000 + "0,1,2,3").signals["gyro"].t) == 1
+
+
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_decimal_commas_may_begin_after_rows_of_whole_numbers(load, separator):
+    rows = [GYRO.replace(",", " "), "0 0 0 0", "1 0 0 0", "1,5 0,25 -3 ,5", "2,5 1 1 1"]
+    gyro = load("\n".join(rows).replace(" ", separator)).signals["gyro"]
+    assert gyro.y[2].tolist() == [0.25, -3.0, 0.5]
+    assert np.diff(gyro.t).tolist() == [1_000_000_000, 500_000_000, 1_000_000_000]
